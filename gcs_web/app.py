@@ -30,7 +30,7 @@ from gcs_web.map import display_mesh
 from gcs_web.panels import HANDLERS
 from gcs_web.protocol.base import Edit
 from gcs_web.protocol.document import Insert, Move
-from gcs_web.protocol.people import Invitation, Person
+from gcs_web.protocol.people import Invitation, InvitationEnded, Person
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.protocol.view import Cursor, Selection
 from gcs_web.vehicle import discovery
@@ -100,10 +100,12 @@ class GroundStation:
         self._loop = asyncio.new_event_loop()
         self._thread = threading.Thread(target=self._loop.run_forever, name="gateway", daemon=True)
         self._stack = contextlib.ExitStack()
+        self._ended = 0
         try:
             progress("opening the map", 0.0)
             self._open(folder, port, options or planner.PlanOptions(), triangles, on_entry, jobs, progress, browsers)
-            self.desk.on_open, self.desk.invitation = on_open, self._invitation
+            self.desk.on_open = on_open
+            self.desk.invitation, self.desk.end_invitation = self._invitation, self._end_invitation
             self.desk.find_vehicles = partial(discovery.look, key_file)
             if vehicle_url is not None:
                 self.desk.listen_to(vehicle_url)
@@ -209,7 +211,7 @@ class GroundStation:
             tls=self._tls,
             entrants=self._entrants,
         )
-        self._gateway.on_entry = on_entry
+        self._gateway.on_entry, self._gateway.on_invited = on_entry, self._end_invitation
         self._stack.callback(self._in_loop, self._gateway.stop)
         try:
             self._in_loop(self._gateway.start)
@@ -259,11 +261,16 @@ class GroundStation:
             self.desk.notice(str(error), level="danger")
             self.view.draw_waypoints(self.desk.session.content.points)
 
-    def _invitation(self) -> Invitation:
+    def _invitation(self) -> tuple[Invitation, bool]:
         """Raises `InputError` if the address is too long for a QR code."""
-        address = self.url
+        address, is_new = self._gateway.invite()
         code = ["".join(row) for row in qr.matrix(address).astype(int).astype(str)]
-        return Invitation(address, code, is_loopback(self._host))
+        return Invitation(address, code, is_loopback(self._host), self._gateway.invited_for_s), is_new
+
+    def _end_invitation(self) -> None:
+        self._gateway.end_invitation()
+        self._ended += 1
+        self.hub.publish(InvitationEnded(self._ended))
 
     def _state(self) -> dict[str, Any]:
         return {

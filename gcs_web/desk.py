@@ -70,8 +70,9 @@ class Desk:
         self.project, self.hub, self.view, self._new_watch = opened, hub, view, new_watch
         self._opened_before = opened_before
         self.find_vehicles: Callable[[], list[FoundVehicle]] = discovery.look
-        self.invitation: Callable[[], Invitation | None] = lambda: None
-        """The address for another device, as it is now."""
+        self.invitation: Callable[[], tuple[Invitation | None, bool]] = lambda: (None, False)
+        """The address for another device, as it is now, and whether it is a new one."""
+        self.end_invitation: Callable[[], None] = lambda: None
         self.watch: VehicleWatch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)

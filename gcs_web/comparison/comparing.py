@@ -23,6 +23,8 @@ from sysid.estimator.validation.comparison import Deviation
 if TYPE_CHECKING:
     from flight.project import Project
 
+MOST_STREAMS = 64
+"""In one table."""
 PIECES_APART = 2.0
 """Means that are further apart than so many of their spans belong to different pieces of a flight."""
 
@@ -103,10 +105,12 @@ class Comparing:
         Raises:
             FlightError: the flight or the stream is not there.
         """
+        if not from_s < to_s:
+            raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
         flight = self._residual(name)
         ours = {} if flight is None else residuals.forces(flight)
         if flight is None or key not in ours:
-            return self._flights.recorded.samples(name, key, from_s, to_s)
+            return self._flights.recorded.samples(name, [key], from_s, to_s)
         stream, curves, _ = ours[key]
         when = np.array(flight.time_s) - self._flights.recorded.open(name).shift_s
         inside = (when >= from_s) & (when <= to_s)
@@ -119,8 +123,9 @@ class Comparing:
         """Raises as `samples`, or if there is too little of it."""
         curves = []
         for one in self.samples(name, key, from_s, to_s):
-            frequency_hz, density = studies.density(one)
-            curves.append(SpectrumCurve(one.label, one.kind, frequency_hz.tolist(), density.tolist()))
+            found = studies.density(one)
+            frequency_hz, density = found.frequency_hz.tolist(), found.density.tolist()
+            curves.append(SpectrumCurve(one.label, one.kind, frequency_hz, density, found.share))
         return Spectrum(name, key, curves)
 
     def pairs(self, name: str, keys: tuple[str, str], from_s: float, to_s: float) -> Pairs:
@@ -129,11 +134,19 @@ class Comparing:
         time_s, x_values, y_values = studies.pairs(x, y)
         return Pairs(name, time_s.tolist(), x_values.tolist(), y_values.tolist())
 
-    def table(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> Iterator[str]:
-        """Lines of a CSV with every sample of some streams. Raises as `samples`, before the first line."""
-        return studies.table([one for key in keys for one in self.samples(name, key, from_s, to_s)])
+    def table(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> Iterator[bytes]:
+        """A CSV with every sample of some streams, piece by piece. Raises as `samples`, before the first piece."""
+        wanted = list(dict.fromkeys(keys))
+        if len(wanted) > MOST_STREAMS:
+            raise InputError(f"{len(wanted)} streams are more than the {MOST_STREAMS} of a table; choose fewer")
+        flight = self._residual(name)
+        ours = {} if flight is None else residuals.forces(flight)
+        others = [one for key in wanted if key in ours for one in self.samples(name, key, from_s, to_s)]
+        recorded = self._flights.recorded
+        stretches = recorded.stretches(name, [key for key in wanted if key not in ours], from_s, to_s)
+        return studies.table(studies.beside(stretches, others), recorded.open(name).shift_s)
 
-    def asked_table(self, asked: Mapping[str, str]) -> Iterator[str]:
+    def asked_table(self, asked: Mapping[str, str]) -> Iterator[bytes]:
         """`table` by the words of an address: flight, streams (with | between), from and to (s). Raises as `table`."""
         try:
             from_s, to_s = float(asked["from"]), float(asked["to"])

@@ -6,7 +6,7 @@ more than `MOST_BYTES`; what the present answer needs stays.
 
 import threading
 from collections import OrderedDict
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from firmware_bridge.controller import State
 from flight import FloatArray, InputError, flight_log
 from flight.flight_log import COLUMNS
 from flight.project import Project
-from gcs_web.flights import pyramid, streams
+from gcs_web.flights import pyramid, streams, studies
 from gcs_web.flights.alignment import Signal
 from gcs_web.flights.pyramid import Pyramid
 from gcs_web.flights.studies import Samples
@@ -90,13 +90,7 @@ class Recorded:
         Raises:
             FlightError: the flight or a stream is not there.
         """
-        if not from_s < to_s:
-            raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
-        found = self._found(name)
-        for key in keys:
-            if key not in found.quantities:
-                raise InputError(f"{name} has no stream {key}")
-        quantities = [found.quantities[key] for key in keys]
+        quantities, found = self._asked(name, keys, from_s, to_s)
         wanted = min(max(points, 2), MOST_POINTS)
         answer = []
         for quantity, curves in zip(quantities, self._curves(name, found, quantities), strict=True):
@@ -109,20 +103,17 @@ class Recorded:
             answer.append(StreamPart(name, quantity.key, (when - found.shift_s).tolist(), lines))
         return answer
 
-    def samples(self, name: str, key: str, from_s: float, to_s: float) -> list[Samples]:
-        """Every sample of a stream's curves over a stretch of the flight's shifted time. Raises as `read`."""
-        found = self._found(name)
-        if key not in found.quantities:
-            raise InputError(f"{name} has no stream {key}")
-        quantity = found.quantities[key]
-        (curves,) = self._curves(name, found, [quantity])
-        first = np.searchsorted(found.time_s, from_s + found.shift_s, side="left")
-        last = np.searchsorted(found.time_s, to_s + found.shift_s, side="right")
-        when = found.time_s[first:last] - found.shift_s
-        return [
-            Samples(key, curve.label, curve.kind, quantity.unit, when, drawn.samples[first:last].astype(np.float64))
-            for curve, drawn in zip(quantity.curves, curves, strict=True)
-        ]
+    def samples(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> list[Samples]:
+        """Every sample of streams' curves over a stretch of the flight's shifted time, as the log has them: what a plot
+        bridges is NaN. Raises as `read`."""
+        stretches = list(self.stretches(name, keys, from_s, to_s))
+        return [studies.joined(parts) for parts in zip(*stretches, strict=True)]
+
+    def stretches(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> Iterator[list[Samples]]:
+        """`samples` one piece of the log after the other, so that a long one needs little memory. Raises as `read`,
+        before the first piece; `FlightError` with a piece that cannot be read."""
+        quantities, found = self._asked(name, keys, from_s, to_s)
+        return _stretches(found, quantities, from_s, to_s)
 
     def states(self, name: str) -> States:
         """Raises as `open`."""
@@ -178,6 +169,17 @@ class Recorded:
         with self._lock:
             kept = sum(curve.nbytes for curves in self._kept.values() for curve in curves)
             return kept + sum(found.time_s.nbytes for found in self._opened.values())
+
+    def _asked(
+        self, name: str, keys: Sequence[str], from_s: float, to_s: float
+    ) -> tuple[list[streams.Quantity], _Opened]:
+        if not from_s < to_s:  # nor if either is no number
+            raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
+        found = self._found(name)
+        for key in keys:
+            if key not in found.quantities:
+                raise InputError(f"{name} has no stream {key}")
+        return [found.quantities[key] for key in keys], found
 
     def _found(self, name: str) -> _Opened:
         path = self._project.flight(name)
@@ -248,6 +250,22 @@ def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     begins_s = flying_s[0] if len(flying_s) else time_s[0]
     states = States(len(flying_s) > 0, bool(np.isin(first, IN_FREE_AIR).any()))
     return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s), states)
+
+
+def _stretches(
+    found: _Opened, quantities: Sequence[streams.Quantity], from_s: float, to_s: float
+) -> Iterator[list[Samples]]:
+    needs = {column for quantity in quantities for curve in quantity.curves for column in curve.needs}
+    for piece in flight_log.pieces(found.path, needs):
+        time_s = piece.time_s - found.shift_s
+        part = slice(np.searchsorted(time_s, from_s, side="left"), np.searchsorted(time_s, to_s, side="right"))
+        yield [
+            Samples(q.key, curve.label, curve.kind, q.unit, time_s[part], curve.values(piece.columns)[part])
+            for q in quantities
+            for curve in q.curves
+        ]
+        if time_s[-1] > to_s:
+            return
 
 
 def _rows(path: Path, quantities: Sequence[str], rows: np.ndarray) -> dict[str, FloatArray]:

@@ -1,9 +1,10 @@
 """What people study of a flight beside its curves over time: spectra, one stream against another, tables of numbers."""
 
 import csv
+import importlib
 import io
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +18,10 @@ MOST_BANDS = 1024
 """Frequencies of a spectrum: more samples make more pieces to average, not more bands."""
 MOST_PAIRS = 4000
 """Points of one stream against another."""
+_WINDOWS = 8
+"""Lengths of a window in the longest stretch."""
+_TIME_DIGITS = 9
+"""Of seconds, in a table."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,18 +38,30 @@ class Samples:
     """(n,), NaN where nothing was measured."""
 
 
-def density(samples: Samples) -> tuple[FloatArray, FloatArray]:
-    """Power spectral density by Welch's method: Hann windows that overlap by half, the mean of each taken off.
+@dataclass(frozen=True, slots=True, eq=False)
+class Density:
+    """Power spectral density of one curve."""
 
-    Pauses of the log are left out: no piece reaches over one. Between, samples are taken for evenly spaced, by
-    straight lines at their median step. The integral over frequency is the variance.
+    frequency_hz: FloatArray
+    """(m,)."""
+    density: FloatArray
+    """(m,) in the unit squared a Hz: its integral over frequency is the variance."""
+    share: float
+    """Of the samples that are in it, 0 to 1; the others stand in stretches too short for one window."""
 
-    Returns:
-        (m,) frequencies in Hz, and (m,) densities in the unit squared a Hz.
+
+def density(samples: Samples) -> Density:
+    """By Welch's method: Hann windows that overlap by half, the mean of each taken off; about eight lengths of a window
+    in the longest stretch, so that noise does not look like peaks.
+
+    Pauses of the log are left out: no window reaches over one. Between, samples are taken for evenly spaced, by
+    straight lines at their median step. What the stretches give is averaged by their numbers of windows.
 
     Raises:
         InputError: no stretch without a pause is long enough.
     """
+    from scipy import signal
+
     known = np.isfinite(samples.values)
     time_s, values = samples.time_s[known], samples.values[known]
     if len(time_s) < LEAST_SAMPLES:
@@ -58,19 +75,14 @@ def density(samples: Samples) -> tuple[FloatArray, FloatArray]:
         raise InputError(
             f"{samples.label} pauses every {longest} samples; a spectrum needs {LEAST_SAMPLES} without one"
         )
-    length = min(2 * MOST_BANDS, longest)
-    window = np.hanning(length + 1)[:-1]
-    pieces = [
-        part[begin : begin + length] for part in even for begin in range(0, len(part) - length + 1, max(length // 2, 1))
-    ]
-    power = [np.abs(np.fft.rfft(window * (piece - piece.mean()))) ** 2 for piece in pieces]
-    one_sided = np.full(length // 2 + 1, 2.0)
-    one_sided[0] = 1.0
-    if length % 2 == 0:
-        one_sided[-1] = 1.0
-    scale = step_s / float(window @ window)
-    frequency_hz = np.fft.rfftfreq(length, step_s).astype(np.float64)
-    return frequency_hz, scale * one_sided * np.mean(power, axis=0)
+    length = 2 * int(np.clip(longest // _WINDOWS // 2, LEAST_SAMPLES // 2, MOST_BANDS))
+    long_enough = [part for part in even if len(part) >= length]
+    found = [signal.welch(part, 1.0 / step_s, nperseg=length, noverlap=length // 2) for part in long_enough]
+    step = length - length // 2
+    windows = [(len(part) - length // 2) // step for part in long_enough]
+    used = sum(length // 2 + count * step for count in windows)
+    mean = np.average([power for _, power in found], axis=0, weights=windows)
+    return Density(found[0][0], mean, min(used / sum(len(part) for part in even), 1.0))
 
 
 def pairs(x: Samples, y: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -92,16 +104,55 @@ def pairs(x: Samples, y: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
     return x.time_s[chosen], x.values[chosen], at[chosen]
 
 
-def table(curves: Sequence[Samples]) -> Iterator[str]:
-    """Lines of a CSV: time, then a column for each curve, empty at instants at which others were sampled."""
-    times = [one.time_s for one in curves]
-    every_s = np.unique(np.concatenate(times)) if times else np.zeros(0)
-    columns = np.full((len(curves), len(every_s)), np.nan)
-    for column, one in zip(columns, curves, strict=True):
-        column[np.searchsorted(every_s, one.time_s)] = one.values
-    yield _line(["time_s", *(_title(one) for one in curves)])
-    for time_s, row in zip(every_s, columns.T, strict=True):
-        yield _line([f"{time_s:.6f}", *("" if np.isnan(value) else f"{value:.9g}" for value in row)])
+def joined(parts: Sequence[Samples]) -> Samples:
+    """Of one curve, stretches that follow each other."""
+    time_s, values = (np.concatenate(each) for each in zip(*((one.time_s, one.values) for one in parts), strict=True))
+    return replace(parts[0], time_s=time_s, values=values)
+
+
+def beside(stretches: Iterable[list[Samples]], others: Sequence[Samples]) -> Iterator[list[Samples]]:
+    """Stretches, with what further curves have until the end of each; their rest comes last."""
+    last: list[Samples] = []
+    begin_s = -np.inf
+    for last in stretches:
+        end_s = max((one.time_s[-1] for one in last if len(one.time_s)), default=begin_s)
+        yield [*last, *(_between(one, begin_s, end_s) for one in others)]
+        begin_s = end_s
+    yield [*(_between(one, begin_s, begin_s) for one in last), *(_between(one, begin_s, np.inf) for one in others)]
+
+
+def _between(one: Samples, begin_s: float, end_s: float) -> Samples:
+    part = slice(*np.searchsorted(one.time_s, [begin_s, end_s], side="right"))
+    return replace(one, time_s=one.time_s[part], values=one.values[part])
+
+
+def table(stretches: Iterable[list[Samples]], shift_s: float) -> Iterator[bytes]:
+    """A CSV, piece by piece: both times, then a column for each curve, empty at instants at which others were sampled.
+
+    Args:
+        stretches: the same curves in each.
+        shift_s: of the shifted time, which is 0 at so many seconds of the log.
+    """
+    for i, curves in enumerate(stretches):
+        if i == 0:
+            yield _line(["log_time_s", "plot_time_s", *(_title(one) for one in curves)])
+        every_s = np.unique(np.concatenate([one.time_s for one in curves]))
+        columns = np.full((len(curves), len(every_s)), np.nan)
+        for column, one in zip(columns, curves, strict=True):
+            column[np.searchsorted(every_s, one.time_s)] = one.values
+        there = np.isfinite(columns).any(axis=0)
+        if there.any():
+            times = [np.round(every_s[there] + since_s, _TIME_DIGITS) for since_s in (shift_s, 0.0)]
+            yield _lines([*times, *columns[:, there]])
+
+
+def _lines(columns: Sequence[FloatArray]) -> bytes:
+    """NaN is an empty cell; the other numbers in as many digits as tell them from their neighbours."""
+    pa, csv_writer = importlib.import_module("pyarrow"), importlib.import_module("pyarrow.csv")  # they carry no types
+    named = {f"{i}": pa.array(column, from_pandas=True) for i, column in enumerate(columns)}
+    text = pa.BufferOutputStream()
+    csv_writer.write_csv(pa.table(named), text, csv_writer.WriteOptions(include_header=False))
+    return text.getvalue().to_pybytes()
 
 
 def _title(one: Samples) -> str:
@@ -109,7 +160,7 @@ def _title(one: Samples) -> str:
     return f"{one.key}{label}{f' [{one.unit}]' if one.unit else ''}"
 
 
-def _line(cells: Sequence[str]) -> str:
+def _line(cells: Sequence[str]) -> bytes:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(cells)
-    return text.getvalue()
+    return text.getvalue().encode()

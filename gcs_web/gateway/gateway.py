@@ -25,8 +25,8 @@ import logging
 import mimetypes
 import secrets
 import tempfile
+import time
 from collections.abc import Awaitable, Callable, Iterable, Mapping
-from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
@@ -48,16 +48,16 @@ LARGEST_LOG = 1 << 30
 LARGEST_MESSAGE = 1 << 20
 """Bytes that a browser may send at once."""
 MOST_SOCKETS = 64
+INVITATION_S = 120.0
+"""An invitation is good once, and for so long."""
 SILENCE_S = 30.0
 """Time for a request: a connection that is longer about it (line and header), or idle after one, is closed."""
 PING_S = 20.0
 """Between two pings of a WebSocket; half of it is the time for an answer, then the socket is closed."""
 BODY_PAUSE_S = 30.0
-"""Longest pause inside a flight log that is sent."""
+"""Longest pause inside a flight log or a table that is sent."""
 _VIEW = "{view:[0-9a-f]{8,32}}"
 """Name of a page's 3D view, in routes."""
-_LINES_AT_ONCE = 5000
-"""Of a CSV."""
 REFUSED_MESSAGES = frozenset({"ShareUrlRequest", "ShareUrlDisconnect"})
 _HOP_HEADERS = frozenset({"connection", "transfer-encoding", "content-length", "content-encoding", "date", "server"})
 _COMPRESSED = frozenset({"text/html", "text/css", "text/javascript", "application/javascript", "application/json"})
@@ -97,7 +97,7 @@ class Gateway:
         incoming: Callable[[str], Path],
         share: Callable[[str], tuple[str, str]],
         report: Callable[[str], tuple[str, str]],
-        data: Callable[[Mapping[str, str]], Iterable[str]],
+        data: Callable[[Mapping[str, str]], Iterable[bytes]],
         host: str = LOOPBACK,
         port: int = 0,
         tls: "ssl.SSLContext | None" = None,
@@ -110,7 +110,7 @@ class Gateway:
             incoming: file for the flight log of a name that a page sends. Raises `InputError` to refuse it.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
             report: answers `/report?name=...` likewise.
-            data: answers `/data?flight=...`, by what the address asks: the lines of a CSV. Raises `FlightError`.
+            data: answers `/data?flight=...`, by what the address asks: a CSV in pieces. Raises `FlightError`.
             host: name or address to listen at, and the only name that is answered to beside this machine's own.
             port: 0 lets the system choose.
             tls: proves that it is `host`; then the page is https and its sockets are wss.
@@ -122,19 +122,43 @@ class Gateway:
         self._upstream = f"{LOOPBACK}:{upstream_port}"
         self._serve_page, self._state, self._wanted_port = serve_page, state, port
         self._token = secrets.token_urlsafe(24)
+        self._invitation, self._invited_s = "", 0.0
         self._entrants = entrants or Entrants()
-        self._sockets = 0
+        self._sockets, self._exporting = 0, asyncio.Lock()
         self._runner: web.AppRunner | None = None
         self._client: ClientSession | None = None
         self.port = 0
         self.refused = 0
         self.on_entry: Callable[[str], None] = lambda _: None
         """Somebody came in; called with the address for the next one."""
+        self.on_invited: Callable[[], None] = lambda: None
+        """An invitation was used up."""
 
     @property
     def url(self) -> str:
         """The address that lets one browser in; there is a new one after each."""
-        return f"{self._scheme}://{self._host}:{self.port}/?token={self._token}"
+        return self._address(self._token)
+
+    def invite(self) -> tuple[str, bool]:
+        """An address that lets one more browser in, beside `url` and not for long; and whether it is a new one."""
+        is_new = not self._is_invited(self._invitation)
+        if is_new:
+            self._invitation, self._invited_s = secrets.token_urlsafe(24), time.monotonic()
+        return self._address(self._invitation), is_new
+
+    def end_invitation(self) -> None:
+        self._invitation = ""
+
+    @property
+    def invited_for_s(self) -> float:
+        """How long the invitation is still good."""
+        return max(self._invited_s + INVITATION_S - time.monotonic(), 0.0) if self._invitation else 0.0
+
+    def _is_invited(self, token: str) -> bool:
+        return self.invited_for_s > 0.0 and hmac.compare_digest(token.encode(), self._invitation.encode())
+
+    def _address(self, token: str) -> str:
+        return f"{self._scheme}://{self._host}:{self.port}/?token={token}"
 
     @property
     def _scheme(self) -> str:
@@ -208,13 +232,20 @@ class Gateway:
         """Exchange the token, which is then used up, for a cookie."""
         from aiohttp import web
 
-        if not hmac.compare_digest(token.encode(), self._token.encode()):
+        is_invited = self._is_invited(token)
+        if not is_invited and not hmac.compare_digest(token.encode(), self._token.encode()):
             return self._refuse("that token is not valid (any more); open the address that `goshawk gcs` printed last")
-        self._token = secrets.token_urlsafe(24)
+        if is_invited:
+            self.end_invitation()
+        else:
+            self._token = secrets.token_urlsafe(24)
         cookie = self._entrants.admit()
         entry = web.HTTPFound("/")
         entry.set_cookie(self._cookie, cookie, httponly=True, samesite="Strict", secure=self._tls is not None)
-        self.on_entry(self.url)
+        if is_invited:
+            self.on_invited()
+        else:
+            self.on_entry(self.url)
         return entry
 
     @property
@@ -299,18 +330,25 @@ class Gateway:
         """A CSV in pieces: a long flight's need not be in memory together."""
         from aiohttp import web
 
-        try:
-            lines = iter(await asyncio.to_thread(self._data, request.query))
-        except FlightError as error:
-            return web.Response(status=404, text=f"Goshawk: {error}\n")
-        name = quote(f"{request.query.get('flight', '')}.csv")
-        answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
-        answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
-        answer.content_type, answer.charset = "text/csv", "utf-8"
-        await answer.prepare(request)
-        while piece := await asyncio.to_thread(lambda: "".join(islice(lines, _LINES_AT_ONCE))):
-            await answer.write(piece.encode())
-        await answer.write_eof()
+        async with self._exporting:  # each is work for a processor: one after the other
+            try:
+                pieces = iter(await asyncio.to_thread(self._data, request.query))
+            except FlightError as error:
+                return web.Response(status=404, text=f"Goshawk: {error}\n")
+            name = quote(f"{request.query.get('flight', '')}.csv")
+            answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
+            answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
+            answer.content_type, answer.charset = "text/csv", "utf-8"
+            await answer.prepare(request)
+            try:
+                while piece := await asyncio.to_thread(next, pieces, b""):
+                    await asyncio.wait_for(answer.write(piece), BODY_PAUSE_S)
+            except TimeoutError:
+                logger.warning("a table was not taken within %g s; it is cut off", BODY_PAUSE_S)
+                if request.transport is not None:
+                    request.transport.abort()
+                return answer
+            await answer.write_eof()
         return answer
 
     async def _page(self, request: "web.Request") -> "web.StreamResponse":
@@ -318,6 +356,8 @@ class Gateway:
 
         socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=PING_S)
         await socket.prepare(request)
+        own = request.transport.get_extra_info("sockname") if request.transport is not None else None
+        socket["here"] = own is not None and own[0] == request.remote  # on the station's own machine
         self._sockets += 1
         try:
             await self._serve_page(socket)

@@ -54,10 +54,10 @@ class Hub:
     def people(self) -> list[Person]:
         return [client.person for client in list(self._clients.values())]
 
-    def join(self) -> Client:
-        """A new page, with all it has to know waiting for it."""
+    def join(self, *, here: bool = False) -> Client:
+        """A new page, with all it has to know waiting for it; `here` on the station's own machine."""
         self._joined += 1
-        client = Client(Person(secrets.token_hex(8), f"Pilot {self._joined}"))
+        client = Client(Person(secrets.token_hex(8), f"Pilot {self._joined}", here))
         self._clients[client.person.id] = client
         for message in list(self._newest.values()):
             self._put(client, message)

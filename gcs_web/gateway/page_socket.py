@@ -1,4 +1,8 @@
-"""One page's WebSocket: commands in, each checked and answered in its order; messages out, newest state first."""
+"""One page's WebSocket: commands in, each checked; messages out, newest state first.
+
+Commands are answered in their order, except that what waits for the vehicle is done beside them, questions among
+themselves, and emergencies at once: reading goes on whatever is being done.
+"""
 
 import asyncio
 import logging
@@ -12,7 +16,7 @@ import msgspec
 from flight import FlightError
 from flight.project import Project
 from gcs_web.gateway.hub import Client, Hub
-from gcs_web.protocol.base import Command, VehicleCommand
+from gcs_web.protocol.base import Command, Question, VehicleCommand
 from gcs_web.protocol.people import PROTOCOL, Person, Welcome
 from gcs_web.protocol.reply import Reply
 from gcs_web.protocol.vehicle import Abort, Kill
@@ -25,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 MOST_APART = 8
 """Commands of one page that may wait for the vehicle at a time; with its emergencies twice as many."""
+MOST_IN_LINE = 256
+"""Other commands of one page, and its questions, that may wait at a time."""
 EMERGENCY = (Abort, Kill)
 """Never wait behind other commands."""
 
@@ -52,31 +58,59 @@ class PageSocket:
         self._project, self._folder, self._arrived, self._left = project.name, project.folder, arrived, left
         self._id = secrets.token_hex(8)
         self._for_emergencies = ThreadPoolExecutor(2, "abort")  # never behind other work
+        self._for_questions = ThreadPoolExecutor(2, "question")  # nothing behind them
 
     async def serve(self, socket: "web.WebSocketResponse") -> None:
         """Talk to one page until it leaves."""
-        client = self._hub.join()
+        client = self._hub.join(here=bool(socket.get("here", False)))
         welcome = Welcome(PROTOCOL, client.person.id, self._project, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._arrived)
         apart: set[asyncio.Task[None]] = set()
+        line, questions = (asyncio.Queue[str](MOST_IN_LINE) for _ in range(2))
+        workers = [asyncio.create_task(self._work(client, queue, apart)) for queue in (line, questions)]
         try:
             async for message in socket:
                 if message.type.name != "TEXT":
                     break
-                if not self._names(message.data, VehicleCommand):
-                    await self._command(client, message.data)
-                elif len(apart) >= MOST_APART * (2 if self._names(message.data, EMERGENCY) else 1):
-                    said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
-                    self._hub.publish(Reply(_serial(message.data), error=said), client.person.id)
+                if self._names(message.data, EMERGENCY):
+                    self._start(client, message.data, apart, 2 * MOST_APART)
                 else:
-                    task = asyncio.create_task(self._command(client, message.data))
-                    apart.add(task)
-                    task.add_done_callback(apart.discard)
+                    self._enqueue(client, message.data, questions if self._names(message.data, Question) else line)
+            await line.join()  # who left has sent it all the same
         finally:
-            writer.cancel()
+            for task in (writer, *workers):
+                task.cancel()
             self._hub.leave(client)
             await asyncio.to_thread(self._left, client.person)
+
+    def _enqueue(self, client: Client, text: str, queue: asyncio.Queue[str]) -> None:
+        try:
+            queue.put_nowait(text)
+        except asyncio.QueueFull:
+            self._refuse(client, text, f"{MOST_IN_LINE} commands of this page still wait; nothing was done")
+
+    async def _work(self, client: Client, queue: asyncio.Queue[str], apart: set[asyncio.Task[None]]) -> None:
+        """Do commands in their order; those for the vehicle are begun in it."""
+        while True:
+            text = await queue.get()
+            if self._names(text, VehicleCommand):
+                self._start(client, text, apart, MOST_APART)
+            else:
+                await self._command(client, text)
+            queue.task_done()
+
+    def _start(self, client: Client, text: str, apart: set[asyncio.Task[None]], most: int) -> None:
+        if len(apart) >= most:
+            said = f"{len(apart)} orders of this page still wait for the vehicle; nothing was sent"
+            self._refuse(client, text, said)
+            return
+        task = asyncio.create_task(self._command(client, text))
+        apart.add(task)
+        task.add_done_callback(apart.discard)
+
+    def _refuse(self, client: Client, text: str, said: str) -> None:
+        self._hub.publish(Reply(_serial(text), error=said), client.person.id)
 
     async def _command(self, client: Client, text: str) -> None:
         try:
@@ -84,9 +118,15 @@ class PageSocket:
         except msgspec.DecodeError as error:
             reply = Reply(_serial(text), error=f"the page sent what this station does not understand: {error}")
         else:
-            pool = self._for_emergencies if isinstance(command, EMERGENCY) else None
-            reply = await asyncio.get_running_loop().run_in_executor(pool, self._done, client.person, command)
+            reply = await asyncio.get_running_loop().run_in_executor(
+                self._pool(command), self._done, client.person, command
+            )
         self._hub.publish(reply, client.person.id)
+
+    def _pool(self, command: Command) -> ThreadPoolExecutor | None:
+        if isinstance(command, EMERGENCY):
+            return self._for_emergencies
+        return self._for_questions if isinstance(command, Question) else None
 
     def _done(self, person: Person, command: Command) -> Reply:
         try:

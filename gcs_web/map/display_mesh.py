@@ -27,9 +27,11 @@ LEAST_TRIANGLES = 20
 """Of a coarse tile."""
 PLAIN_TRIANGLES = (1_500, 6_000, 20_000)
 """Of the whole mesh, for browsers that draw slowly: without a graphics card two cores draw some 250,000 a second."""
+_PART_TRIANGLES = 64
+"""At least of a part that touches no other, for those browsers."""
 CACHE = "display_mesh.npz"
 
-_VERSION = 4
+_VERSION = 5
 """Of what is made: a cache of another one is made again."""
 _OVERLAP = 2.0
 """Of tiles, in typical edges of the mesh: neighbours are simplified apart, and would leave cracks."""
@@ -131,6 +133,38 @@ def simplified(mesh: Mesh, triangles: int) -> Mesh:
     )
 
 
+def sparse(mesh: Mesh, triangles: int) -> Mesh:
+    """`simplified`, but poles, wires and whatever else stands alone stay there as long as a half of the triangles is
+    enough for them, the longest first: over the whole, few triangles would all go to the ground."""
+    if len(mesh.faces) <= triangles:
+        return mesh
+    parts = _apart(mesh)
+    share = triangles / len(mesh.faces)
+    counts = np.array([len(part) for part in parts])
+    wanted = np.minimum(counts, np.maximum(share * counts, _PART_TRIANGLES)).astype(int)
+    extent_m = [np.ptp(mesh.vertices_m[mesh.faces[part]].reshape(-1, 3), axis=0).max() for part in parts]
+    order = np.argsort(extent_m)[::-1]
+    order = order[order != np.argmax(counts)]
+    kept = order[np.cumsum(wanted[order]) <= triangles // 2]
+    rest = np.concatenate([parts[k] for k in set(range(len(parts))) - set(kept.tolist())])
+    alone = [simplified(mesh.part(parts[k]), int(wanted[k])) for k in kept]
+    left = triangles - sum(len(part.faces) for part in alone)
+    return joined([simplified(mesh.part(rest), left), *alone])
+
+
+def _apart(mesh: Mesh) -> list[np.ndarray]:
+    """Indices of the triangles of each part that touches no other."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count, faces = len(mesh.vertices_m), mesh.faces
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), (count, count))
+    of_face = connected_components(graph, directed=False)[1][faces[:, 0]]
+    order = np.argsort(of_face, kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(of_face[order])) + 1)
+
+
 def cut(mesh: Mesh) -> list[Mesh]:
     """Tiles of at most about `TILE_TRIANGLES`, which overlap a little."""
     corners = mesh.vertices_m[mesh.faces]
@@ -188,7 +222,7 @@ def _make(folder: Path, asked: tuple[Path, int, str], progress: Progress) -> Non
     others = {"vertices": whole.vertices_m, "faces": whole.faces}
     for k, most in enumerate(PLAIN_TRIANGLES):
         progress("simplifying the mesh", k / len(PLAIN_TRIANGLES))
-        others[f"plain_{most}"] = simplified(_shaded(whole, seen), most).glb()
+        others[f"plain_{most}"] = sparse(_shaded(whole, seen), most).glb()
     tiles.save(folder / CACHE, key, _tiles(fine, coarse, whole, seen), others)
 
 

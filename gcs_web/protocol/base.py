@@ -27,3 +27,7 @@ class Edit(Command, frozen=True, kw_only=True):
 
 class VehicleCommand(Command, frozen=True, kw_only=True):
     """Waits for the vehicle: done beside the others, so that nothing (Abort least of all) waits for it."""
+
+
+class Question(Command, frozen=True, kw_only=True):
+    """Asks for numbers and changes nothing: answered beside the others, so that nothing waits for it."""

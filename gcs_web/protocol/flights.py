@@ -4,7 +4,7 @@ from typing import Literal
 
 import msgspec
 
-from gcs_web.protocol.base import Command, State
+from gcs_web.protocol.base import Command, Question, State
 
 Role = Literal["learn", "hold_out", "leave"]
 """What a flight is for: models are fitted to it, judged by it, or it is left out of both."""
@@ -107,6 +107,8 @@ class SpectrumCurve(msgspec.Struct, frozen=True):
     frequency_hz: list[float]
     density: list[float]
     """In the stream's unit squared, a Hz."""
+    share: float
+    """Of the samples that are in it; the others stand between pauses that are too close for it."""
 
 
 class Spectrum(msgspec.Struct, frozen=True):
@@ -163,7 +165,7 @@ class OpenFlights(Command, frozen=True, tag="open_flights", kw_only=True):
     flights: list[str]
 
 
-class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
+class ReadStreams(Question, frozen=True, tag="read_streams", kw_only=True):
     """Ask for streams over a stretch of a flight's shifted time; the reply has `parts`."""
 
     flight: str
@@ -174,7 +176,7 @@ class ReadStreams(Command, frozen=True, tag="read_streams", kw_only=True):
     """About as many times as there are pixels."""
 
 
-class ReadSpectrum(Command, frozen=True, tag="read_spectrum", kw_only=True):
+class ReadSpectrum(Question, frozen=True, tag="read_spectrum", kw_only=True):
     """Ask how a stream's variance over a stretch is spread over frequencies; the reply has `spectrum`."""
 
     flight: str
@@ -183,7 +185,7 @@ class ReadSpectrum(Command, frozen=True, tag="read_spectrum", kw_only=True):
     to_s: float
 
 
-class ReadPairs(Command, frozen=True, tag="read_pairs", kw_only=True):
+class ReadPairs(Question, frozen=True, tag="read_pairs", kw_only=True):
     """Ask for one stream against another over a stretch; the reply has `pairs`."""
 
     flight: str
@@ -234,7 +236,7 @@ class Aligned(msgspec.Struct, frozen=True):
     """By what, and how sure it is; or why it cannot be told."""
 
 
-class AlignFlights(Command, frozen=True, tag="align_flights", kw_only=True):
+class AlignFlights(Question, frozen=True, tag="align_flights", kw_only=True):
     """Ask how far to move flights beside the first of them; the reply has `aligned`."""
 
     flights: list[str]

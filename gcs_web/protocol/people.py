@@ -15,6 +15,8 @@ class Person(msgspec.Struct, frozen=True):
 
     id: str
     name: str
+    here: bool = False
+    """Whether on the station's own machine."""
 
 
 class Welcome(Message, frozen=True, tag="welcome"):
@@ -35,17 +37,30 @@ class People(State, frozen=True, tag="people"):
 
 
 class Invitation(msgspec.Struct, frozen=True):
-    """The address that lets one more browser in; it is used up then, and there is another one."""
+    """An address that lets one more browser in, once; it ends when whoever shows it no longer does."""
 
     address: str
     code: list[str]
     """Rows of its QR code from the top, "1" for each dark module, without the white round it."""
     only_here: bool
     """Whether it opens on the station's own machine only."""
+    good_s: float
+    """For so long."""
 
 
 class Invite(Command, frozen=True, tag="invite", kw_only=True):
     """Ask for an address for another device; the reply has `invitation`."""
+
+
+class EndInvitation(Command, frozen=True, tag="end_invitation", kw_only=True):
+    """The address lets nobody in any more."""
+
+
+class InvitationEnded(State, frozen=True, tag="invitation_ended"):
+    """Used up, or no longer shown: a page that still shows it asks for another one."""
+
+    number: int
+    """Of those before."""
 
 
 Level = Literal["fact", "caution", "danger"]

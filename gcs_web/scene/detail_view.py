@@ -80,8 +80,9 @@ class DetailView:
         """Give some browsers (viser's ids) all tiles in one piece of about so many triangles or points at the most."""
         with self._lock:
             for browser in (self._browsers[name] for name in clients if name in self._browsers):
-                browser.most_plain = most
-                self._begin(browser)
+                if browser.most_plain != most:  # a page that comes again to the station says it again
+                    browser.most_plain = most
+                    self._begin(browser)
 
     def set_visible(self, visible: bool) -> None:
         with self._lock:

@@ -1,7 +1,7 @@
 /** Keeps the page for moments at which the station does not answer: the page says so, and comes back by itself.
  *
- * The station is always asked first, so a page that it can serve is never an old one. Kept are these files alone, all of
- * one moment: no address with a token, no answer that refuses, nothing of a project, a flight or the 3D view.
+ * The station is asked first for the page. Where it does not answer in time the kept page is shown, which may be an old
+ * one, with all the files that were kept with it. Kept are these files alone, all of one moment: no address with a token, no answer that refuses, nothing of a project, a flight or the 3D view.
  */
 
 interface KeepsAlive extends Event {
@@ -9,6 +9,9 @@ interface KeepsAlive extends Event {
 }
 interface Fetches extends KeepsAlive {
   readonly request: Request;
+  /** Of the page that asks, and of the one that a navigation makes. */
+  readonly clientId: string;
+  readonly resultingClientId: string;
   respondWith(answer: Promise<Response>): void;
 }
 interface Worker {
@@ -21,8 +24,10 @@ interface Worker {
 const worker = self as unknown as Worker;
 const NAME = "page";
 const FILES = ["/", "/static/app.js", "/static/app.css", "/static/icon.svg"];
-/** A station that does not answer within this is not there. */
+/** A station that does not answer within this, when its page is opened, is not there. */
 const PATIENCE_MS = 5000;
+/** Pages that were opened without the station: their files are kept ones, too. */
+const withoutStation = new Set<string>();
 
 worker.addEventListener("install", (event) => event.waitUntil(Promise.all([keep(), worker.skipWaiting()])));
 worker.addEventListener("activate", (event) => event.waitUntil(worker.clients.claim()));
@@ -33,13 +38,17 @@ worker.addEventListener("fetch", (event) => {
 });
 
 async function answer(event: Fetches, path: string): Promise<Response> {
+  const isPage = path === "/";
   try {
-    const fresh = await Promise.race([fetch(event.request), tooLate()]);
-    if (path === "/" && fresh.ok && !fresh.redirected) event.waitUntil(keep());
+    if (!isPage && withoutStation.has(event.clientId)) throw new Error("the page is a kept one");
+    const asked = fetch(event.request);
+    const fresh = await (isPage ? Promise.race([asked, tooLate()]) : asked);
+    if (isPage && fresh.ok && !fresh.redirected) event.waitUntil(keep());
     return fresh;
   } catch (error) {
     const kept = await caches.match(path);
     if (kept === undefined) throw error;
+    if (isPage) withoutStation.add(event.resultingClientId);
     return kept;
   }
 }

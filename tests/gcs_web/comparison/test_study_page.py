@@ -17,7 +17,8 @@ from tests.waiting import until as wait
 from vehicle import flights, manoeuvres
 
 pytestmark = needs_chromium
-TONE_HZ = 31.0
+TONE_HZ = 32.0
+"""At one of the frequencies that a flight of four seconds has in its spectrum."""
 KINDS = "Kind of plot"
 
 
@@ -122,7 +123,7 @@ def test_data_are_saved_as_every_sample_of_the_shown_stretch(page, station, tmp_
     path = saved(page, "csv", tmp_path)
     head, *rows = csv.reader(path.read_text().splitlines())
     log = flight_log.load(station.desk.project.flight("a"))
-    assert head[0] == "time_s"
+    assert head[:2] == ["log_time_s", "plot_time_s"]
     column = head.index("column:position_world_x_m [m]")
     assert len(rows) == len(log)
     np.testing.assert_allclose([float(row[column]) for row in rows], log.columns["position_world_x_m"], atol=1e-5)
@@ -132,7 +133,12 @@ def test_a_browser_that_is_not_let_in_gets_no_data(page, station):
     address = station.url.split("?")[0] + "data?flight=a&streams=rate_x&from=0&to=1"
     assert page.request.get(address).status == 200
     assert page.request.get(address.replace("flight=a", "flight=..%2Fa")).status == 404
-    assert page.request.get(address.replace("from=0", "from=x")).status == 404
+    for other in ("from=x", "from=nan", "from=1"):
+        assert page.request.get(address.replace("from=0", other)).status == 404
+    many = "|".join(f"s{i}" for i in range(65))
+    assert page.request.get(address.replace("streams=rate_x", f"streams={many}")).status == 404
+    repeated = page.request.get(address.replace("streams=rate_x", "streams=rate_x|rate_x"))
+    assert repeated.body() == page.request.get(address).body()
     page.context.clear_cookies()
     assert page.request.get(address).status == 403
 

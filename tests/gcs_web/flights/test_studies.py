@@ -1,12 +1,14 @@
 """Spectra, pairs and tables of a flight's streams."""
 
 import csv
+from collections.abc import Iterable
 
 import numpy as np
 import pytest
 
-from flight import FloatArray, InputError
+from flight import FlightLog, FloatArray, InputError, flight_log, project
 from gcs_web.flights import studies
+from gcs_web.flights.recorded import Recorded
 from gcs_web.flights.studies import Samples
 
 
@@ -18,7 +20,8 @@ def of(time_s: FloatArray, values: FloatArray, key: str = "speed") -> Samples:
 def test_a_spectrum_holds_the_variance_and_its_peak_is_where_the_tone_is(count):
     time_s = np.arange(count) / 250.0
     tone = 0.7 * np.sin(2 * np.pi * 31.0 * time_s) + 5.0
-    frequency_hz, density = studies.density(of(time_s, tone))
+    found = studies.density(of(time_s, tone))
+    frequency_hz, density = found.frequency_hz, found.density
     assert abs(frequency_hz[np.argmax(density)] - 31.0) <= frequency_hz[1]
     assert np.sum(density) * frequency_hz[1] == pytest.approx(0.7**2 / 2, rel=0.05)
     assert len(frequency_hz) <= studies.MOST_BANDS + 1
@@ -27,7 +30,7 @@ def test_a_spectrum_holds_the_variance_and_its_peak_is_where_the_tone_is(count):
 def test_white_noise_is_as_strong_at_every_frequency():
     rng = np.random.default_rng(0)
     noise = rng.normal(0.0, 2.0, 200_000)
-    _, density = studies.density(of(np.arange(len(noise)) / 100.0, noise))
+    density = studies.density(of(np.arange(len(noise)) / 100.0, noise)).density
     np.testing.assert_allclose(density[2:-2], 2.0**2 / 50.0, rtol=0.5)  # over 0 to 50 Hz
 
 
@@ -36,7 +39,8 @@ def test_a_spectrum_is_the_same_with_a_pause_in_the_log_and_reaches_over_none():
     values = np.sin(2 * np.pi * 20.0 * time_s)
     late = np.where(time_s > 11.0, time_s + 3.0, time_s)
     elsewhere = values + np.where(time_s > 11.0, 50.0, 0.0)  # which a piece over the pause would see as a step
-    for frequency_hz, density in (studies.density(of(time_s, values)), studies.density(of(late, elsewhere))):
+    for found in (studies.density(of(time_s, values)), studies.density(of(late, elsewhere))):
+        frequency_hz, density = found.frequency_hz, found.density
         assert abs(frequency_hz[np.argmax(density)] - 20.0) <= frequency_hz[1]
         assert density[frequency_hz > 40.0].max() < 1e-4 * density.max()
 
@@ -64,10 +68,73 @@ def test_a_table_has_every_sample_of_every_curve_and_empty_cells_between():
         of(np.array([0.0, 0.1, 0.2]), np.array([1.0, np.nan, 3.0])),
         of(np.array([0.1]), np.array([7.5]), "F_x"),
     )
-    rows = list(csv.reader(studies.table([fast, slow])))
-    assert rows == [
-        ["time_s", "speed measured [m/s]", "F_x measured [m/s]"],
-        ["0.000000", "1", ""],
-        ["0.100000", "", "7.5"],
-        ["0.200000", "3", ""],
+    assert rows_of(studies.table([[fast, slow]], 100.0)) == [
+        ["log_time_s", "plot_time_s", "speed measured [m/s]", "F_x measured [m/s]"],
+        ["100", "0", "1", ""],
+        ["100.1", "0.1", "", "7.5"],
+        ["100.2", "0.2", "3", ""],
     ]
+
+
+def rows_of(pieces: Iterable[bytes]) -> list[list[str]]:
+    return list(csv.reader(b"".join(pieces).decode().splitlines()))
+
+
+def test_a_table_in_pieces_is_the_table_in_one():
+    whole = of(np.arange(10) / 10.0, np.arange(10.0))
+    other = of(np.arange(0.0, 2.0, 0.25), np.arange(8.0), "F_x")
+    parts = [[of(whole.time_s[i : i + 3], whole.values[i : i + 3])] for i in range(0, 10, 3)]
+    assert rows_of(studies.table(studies.beside(parts, [other]), 0.0)) == rows_of(studies.table([[whole, other]], 0.0))
+
+
+@pytest.mark.parametrize("count", [600, 1000, 4000])
+def test_noise_does_not_look_like_peaks(count):
+    noise = np.random.default_rng(1).normal(size=count)
+    density = studies.density(of(np.arange(count) / 250.0, noise)).density
+    assert density[2:-2].std() < 0.5 * density[2:-2].mean()
+
+
+def test_a_spectrum_is_the_mean_of_all_stretches_and_says_what_it_leaves_out():
+    spans = [np.arange(count) / 250.0 for count in (4096, 3800, 100)]
+    begins = np.cumsum([0.0, *(span[-1] + 1.0 for span in spans[:-1])])
+    time_s = np.concatenate([span + begin for span, begin in zip(spans, begins, strict=True)])
+    loud = np.where((time_s >= begins[1]) & (time_s < begins[2]), 1.0, 0.0)
+    found = studies.density(of(time_s, loud * np.sin(2 * np.pi * 40.0 * time_s)))
+    assert np.sum(found.density) * found.frequency_hz[1] == pytest.approx(0.5 * 3800 / (4096 + 3800), rel=0.08)
+    assert 0.9 < found.share <= (4096 + 3800) / len(time_s)
+
+
+@pytest.fixture
+def mixed(tmp_path) -> tuple[Recorded, FloatArray]:
+    """A battery at 50 Hz in a log at 500 Hz, in two pieces on disk."""
+    opened = project.create(tmp_path / "hall", "hall")
+    opened.flight("a").parent.mkdir(exist_ok=True)
+    count = flight_log.PIECE_ROWS + 5000
+    values = np.full(count, np.nan)
+    values[::10] = 1.7e9 + np.random.default_rng(0).normal(size=len(values[::10]))
+    times = {"time_s": 30.0 + np.arange(count) / 500.0}
+    places = {f"position_world_{axis}_m": np.zeros(count) for axis in "xyz"}
+    flight_log.save(opened.flight("a"), FlightLog({**times, **places, "battery_v": values}, {}))
+    return Recorded(opened), values[::10]
+
+
+def test_only_what_was_measured_is_studied_and_saved_and_no_digit_of_it_is_lost(mixed):
+    recorded, measured = mixed
+    (samples,) = recorded.samples("a", ["battery"], -1.0, 1e9)
+    np.testing.assert_array_equal(samples.values[np.isfinite(samples.values)], measured)
+    found = studies.density(samples)
+    assert found.frequency_hz[-1] == pytest.approx(25.0)
+    for part in np.array_split(found.density[2:-2], 4):
+        assert part.mean() == pytest.approx(1.0 / 25.0, rel=0.15)
+    head, *rows = rows_of(studies.table(recorded.stretches("a", ["battery"], -1.0, 1e9), 30.0))
+    assert head == ["log_time_s", "plot_time_s", "battery measured [V]"]
+    np.testing.assert_array_equal([float(row[2]) for row in rows], measured)
+    assert [float(row[0]) for row in rows[:2]] == [30.0, 30.02]
+
+
+@pytest.mark.parametrize("stretch", [(5.0, 1.0), (1.0, 1.0), (float("nan"), 3.0), (0.0, float("nan"))])
+def test_a_stretch_without_length_is_refused(mixed, stretch):
+    recorded, _ = mixed
+    for ask in (recorded.samples, recorded.stretches):
+        with pytest.raises(InputError, match="has no length"):
+            ask("a", ["battery"], *stretch)

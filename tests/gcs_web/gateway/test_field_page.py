@@ -106,9 +106,9 @@ def test_a_code_lets_one_more_device_in_and_is_another_one_then(page, station, b
     cv2 = pytest.importorskip("cv2")
     only_here = station.desk.invitation
 
-    def elsewhere() -> Invitation:
-        found = only_here()
-        return Invitation(found.address, found.code, only_here=False)
+    def elsewhere() -> tuple[Invitation, bool]:
+        found, is_new = only_here()
+        return Invitation(found.address, found.code, False, found.good_s), is_new
 
     station.desk.invitation = elsewhere
     try:
@@ -122,18 +122,49 @@ def test_a_code_lets_one_more_device_in_and_is_another_one_then(page, station, b
             return cv2.QRCodeDetector().detectAndDecode(seen)[0]
 
         first = address()
-        assert first == station.url
+        assert first != station.url
+        page.get_by_text("shows a code that lets a device in").first.wait_for()
         context = browser.new_context(service_workers="block")
         phone = context.new_page()
         phone.set_default_timeout(1000 * PATIENCE_S)
         assert phone.goto(first).status == 200
         wait(lambda: address() not in ("", first), "another code")
-        assert address() == station.url
         context.close()
+        last = address()
         page.keyboard.press("Escape")
         dialog.wait_for(state="detached")
+        wait(lambda: page.request.get(last).status == 403, "its end")
+        assert '"invite"' in (station.desk.project.folder / ".session" / "audit.jsonl").read_text()
     finally:
         station.desk.invitation = only_here
+
+
+def test_pause_and_land_are_on_their_keys_while_a_dialog_is_open_and_it_ends_above_them(page, station):
+    page.set_viewport_size({"width": 360, "height": 740})
+    sent = """() => {
+  window.sent = [];
+  const send = WebSocket.prototype.send;
+  WebSocket.prototype.send = function (text) { window.sent.push(String(text)); return send.call(this, text); };
+}"""
+    page.evaluate(sent)
+    bar = page.get_by_role("region", name="Flight", exact=True)
+    with telling(station, ARMED):
+        bar.wait_for()
+        page.keyboard.press("c")
+        bar.get_by_text("You are in control").wait_for()
+        page.keyboard.press("q")
+        dialog = page.get_by_role("dialog", name="People and devices")
+        dialog.get_by_role("button", name="Copy the address").wait_for()
+        for count, key in enumerate("pl", start=1):
+            page.keyboard.press(key)
+            orders = "window.sent.filter((text) => text.includes('prepare_order')).length"
+            wait(lambda count=count, orders=orders: page.evaluate(orders) == count, f"the order of {key}")
+        place = dialog.bounding_box()
+        assert place["y"] + place["height"] <= bar.bounding_box()["y"]
+        page.keyboard.press("Escape")
+        dialog.wait_for(state="detached")
+    station.desk.control.give_up(*station.hub.people)
+    station.hub.publish(Vehicle("none"))
 
 
 @pytest.mark.parametrize("size", [(360, 740), (1440, 900)])
@@ -158,8 +189,8 @@ def test_a_station_of_its_own_machine_says_so_in_place_of_a_code(page, size):
 def test_an_address_too_long_for_a_code_is_refused_with_a_way_out(station, page, monkeypatch):
     long = f"https://{'x' * 90}.example:8080/?token=1"
 
-    def refused() -> Invitation:
-        return Invitation(long, [str(row) for row in qr.matrix(long)], only_here=False)
+    def refused() -> tuple[Invitation, bool]:
+        return Invitation(long, [str(row) for row in qr.matrix(long)], False, 60.0), True
 
     monkeypatch.setattr(station.desk, "invitation", refused)
     page.keyboard.press("q")

@@ -40,7 +40,7 @@ async def running_gateway() -> AsyncIterator[tuple[Gateway, viser.ViserServer]]:
         incoming=lambda name: incoming.place(Project(folder, ""), name),
         share=lambda name: (name, ""),
         report=lambda name: (name, ""),
-        data=lambda asked: iter([f"{asked['flight']}\n"]),
+        data=lambda asked: iter([f"{asked['flight']}\n".encode()]),
     )
     try:
         await gateway.start()
@@ -155,6 +155,31 @@ def test_the_token_works_once_and_the_next_address_is_told():
                 assert answer.status == 200
         async with browser.get(f"http://127.0.0.1:{gateway.port}/state") as answer:
             assert answer.status == 200
+
+    at_the_gateway(visit)
+
+
+def test_an_invitation_is_good_once_and_for_its_time_and_the_stations_own_token_stays(monkeypatch):
+    async def visit(gateway, server, browser):
+        used: list[str] = []
+        gateway.on_invited = lambda: used.append("in")
+        own = gateway.url
+        address, is_new = gateway.invite()
+        assert is_new
+        assert gateway.invite() == (address, False)
+        assert address != own
+        for expected in (302, 403):
+            async with browser.get(address, allow_redirects=False) as answer:
+                assert answer.status == expected
+        assert used == ["in"]
+        assert gateway.url == own
+        ended, _ = gateway.invite()
+        gateway.end_invitation()
+        late, _ = gateway.invite()
+        monkeypatch.setattr(rules, "INVITATION_S", -1.0)
+        for address in (ended, late):
+            async with browser.get(address, allow_redirects=False) as answer:
+                assert answer.status == 403
 
     at_the_gateway(visit)
 
@@ -407,7 +432,7 @@ def test_a_host_is_answered_to_as_browsers_write_it(tmp_path: Path):
         incoming=lambda name: tmp_path / name,
         share=lambda name: (name, ""),
         report=lambda name: (name, ""),
-        data=lambda asked: iter([f"{asked['flight']}\n"]),
+        data=lambda asked: iter([f"{asked['flight']}\n".encode()]),
         host="Station.Org",
     )
     assert gateway.url.startswith("http://station.org:")

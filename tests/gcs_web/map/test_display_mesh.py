@@ -54,6 +54,46 @@ def test_for_slow_browsers_the_whole_mesh_is_there_in_one_piece_of_few_triangles
         np.testing.assert_allclose(piece.bounds, [[-1.0] * 3, [1.0] * 3], atol=0.05)
 
 
+@pytest.mark.parametrize("most", display_mesh.PLAIN_TRIANGLES)
+def test_a_pole_and_a_wire_stay_for_slow_browsers(most: int):
+    ground = rough_ground()
+    pole = tube(0.03, [4.0, -3.0, 0.3], [4.0, -3.0, 3.3])
+    wire = tube(0.01, [-3.0, 2.0, 3.0], [3.0, 2.0, 3.0])
+    specks = [tube(0.01, [x, 0.0, 1.0], [x, 0.0, 1.03]) for x in np.linspace(-9.0, 9.0, 60)]
+    shown = display_mesh.sparse(display_mesh.joined([*specks, ground, pole, wire]), most)
+    assert len(shown.faces) <= most
+    surface = picking.Surface(shown.vertices_m, shown.faces)
+    for along in np.linspace(0.05, 0.95, 30):
+        for origin, direction in (
+            ([0.0, -3.0, 0.3 + 3.0 * along], [1.0, 0.0, 0.0]),
+            ([-3.0 + 6.0 * along, 2.0, 6.0], [0.0, 0.0, -1.0]),
+        ):
+            hit = surface.first_hit(np.array(origin), np.array(direction))
+            assert hit is not None
+            assert hit[0][2] > 0.25
+
+
+def rough_ground() -> display_mesh.Mesh:
+    """20 m wide, 50,000 triangles, as a scan has it."""
+    count = 160
+    x, y = np.meshgrid(np.linspace(-10.0, 10.0, count), np.linspace(-10.0, 10.0, count))
+    z = 0.02 * np.random.default_rng(0).normal(size=x.shape)
+    corner = np.arange((count - 1) * count).reshape(-1, count)[:, :-1].ravel()
+    steps = np.array([[0, 1, count], [1, count + 1, count]])
+    faces = (corner[:, None, None] + steps).reshape(-1, 3)
+    return grey(np.stack([x, y, z], axis=-1).reshape(-1, 3), faces)
+
+
+def tube(radius_m: float, begin_m: list[float], end_m: list[float]) -> display_mesh.Mesh:
+    made = trimesh.creation.cylinder(radius_m, segment=[begin_m, end_m], sections=8).subdivide().subdivide()
+    return grey(np.asarray(made.vertices), np.asarray(made.faces))
+
+
+def grey(vertices_m: np.ndarray, faces: np.ndarray) -> display_mesh.Mesh:
+    colours = np.full((len(vertices_m), 3), 120, dtype=np.uint8)
+    return display_mesh.Mesh(vertices_m.astype(np.float32), faces.astype(np.int32), colours)
+
+
 def test_a_mesh_that_cannot_be_read_is_said_and_not_drawn_as_nothing(tmp_path):
     for content in (b"", b"not a mesh", b"glTF" + bytes(40)):
         (tmp_path / "mesh.glb").write_bytes(content)

@@ -8,6 +8,8 @@ export interface PageCommand {
   keys?: readonly string[];
   /** Also while typing in a field. */
   everywhere?: boolean;
+  /** Also while a dialog is open, unless something is typed there. */
+  overDialogs?: boolean;
   enabled: () => boolean;
   run: () => void;
 }

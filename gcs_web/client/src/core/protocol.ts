@@ -341,6 +341,11 @@ export interface EffectSize {
   usual: number;
 }
 
+export interface EndInvitation {
+  type: "end_invitation";
+  serial: number;
+}
+
 export interface Evidence {
   channel: string;
   unit: string;
@@ -523,6 +528,12 @@ export interface Invitation {
   address: string;
   code: string[];
   only_here: boolean;
+  good_s: number;
+}
+
+export interface InvitationEnded {
+  type: "invitation_ended";
+  number: number;
 }
 
 export interface Invite {
@@ -861,6 +872,7 @@ export interface People {
 export interface Person {
   id: string;
   name: string;
+  here: boolean;
 }
 
 export interface Plan {
@@ -946,6 +958,10 @@ export interface ProposedEquation {
   sentence: string;
   effect: string;
   facts: string;
+}
+
+export interface Question {
+  serial: number;
 }
 
 export interface RandomYaw {
@@ -1264,6 +1280,7 @@ export interface SpectrumCurve {
   kind: "measured" | "plan" | "model" | "residual";
   frequency_hz: number[];
   density: number[];
+  share: number;
 }
 
 export interface Stair {
@@ -1437,6 +1454,6 @@ export interface Welcome {
   station: string;
 }
 
-export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
+export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

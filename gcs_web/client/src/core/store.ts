@@ -17,6 +17,7 @@ export const draft = signal<Draft | null>(null);
 /** The plan with its figures; while another one is planned, or after it became void, the one before. */
 export const figures = signal<Plan | null>(null);
 export const vehicle = signal<Vehicle | null>(null);
+export const invitationEnded = newest("invitation_ended", { type: "invitation_ended", number: 0 });
 export const people = newest("people", { type: "people", people: [], in_control: "" });
 export const files = newest("files", { type: "files", trajectories: [], flights: [], bin: [], has_map: true, has_vehicle: true });
 /** Those in the folder that this one is in. */

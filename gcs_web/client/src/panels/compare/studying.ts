@@ -60,11 +60,11 @@ async function readSpectra(flights: readonly Part[], keys: readonly string[]): P
   for (const { name, has, from_s, to_s } of flights) {
     for (const stream of keys.filter((key) => has.has(key))) {
       const reply = await send({ type: "read_spectrum", flight: name, stream, from_s, to_s });
+      if (mine !== asked) return; // nor are the rest of its questions asked
       if (reply.spectrum !== null) found.set(partKey(name, stream), reply.spectrum);
       problem ||= reply.error;
     }
   }
-  if (mine !== asked) return;
   spectra.value = found;
   studyProblem.value = problem;
 }
@@ -77,10 +77,10 @@ async function readPairs(flights: readonly Part[], [x, y]: typeof xy.value): Pro
   for (const { name, has, from_s, to_s } of flights) {
     if (x === undefined || y === undefined || !has.has(x.key) || !has.has(y.key)) continue;
     const reply = await send({ type: "read_pairs", flight: name, x: x.key, y: y.key, from_s, to_s });
+    if (mine !== asked) return;
     if (reply.pairs !== null) found.push(reply.pairs);
     problem ||= reply.error;
   }
-  if (mine !== asked) return;
   pairs.value = found;
   studyProblem.value = problem;
 }
@@ -90,6 +90,8 @@ async function readPairs(flights: readonly Part[], [x, y]: typeof xy.value): Pro
 const COLOURS: Readonly<Record<CurvePart["kind"], string>> = { measured: "measured", plan: "planned", model: "model", residual: "residual" };
 /** Of the flights in an x-y plot. */
 const FLIGHTS = ["accent", "caution", "model", "residual"];
+/** The last window of a stretch seldom ends with it. */
+const WHOLE = 0.95;
 const DASHES: readonly (readonly number[])[] = [[], [6, 3], [2, 3], [8, 3, 2, 3]];
 
 const titled = (name: string, unit: string): string => (unit === "" ? name : `${name}, ${unit}`);
@@ -122,6 +124,11 @@ function overTime(): Figure {
   return { rows, xTitle: "Time, s", xEnds: shown.value };
 }
 
+/** A name says how much of what was measured a curve stands for, where that is not all. */
+function ofShare<T extends { name: string }>(curve: T, share: number): T {
+  return share < WHOLE ? { ...curve, name: `${curve.name}, of ${Math.round(100 * share)} %` } : curve;
+}
+
 function asSpectra(): Figure {
   const rows = drawn.value.map((stream) => ({
     title: titled(stream.name, `${stream.unit === "" ? "1" : `(${stream.unit})²`}/Hz`),
@@ -129,7 +136,7 @@ function asSpectra(): Figure {
     logY: true,
     curves: opened.value.flatMap(({ name }, place) =>
       (spectra.value.get(partKey(name, stream.key))?.curves ?? []).map((curve) => ({
-        ...looks(place, curve),
+        ...ofShare(looks(place, curve), curve.share),
         x: curve.frequency_hz,
         y: curve.density,
       })),
@@ -172,12 +179,14 @@ function take(what: Blob, name: string): void {
   setTimeout(() => URL.revokeObjectURL(link.href), 10_000);
 }
 
-/** Every sample of the streams that are drawn, over the shown stretch; a file for each flight. */
+/** Every sample of the streams that are shown, over the shown stretch; a file for each flight. */
 export function saveData(): void {
   const [from_s, to_s] = shown.value;
+  const seen = kind.value === "xy" ? xy.value.flatMap((stream) => stream ?? []) : drawn.value;
   for (const { name, streams } of opened.value) {
     const by_s = moved_s.value.get(name) ?? 0;
-    const keys = streamKeys.value.filter((key) => streams.some((stream) => stream.key === key));
+    const keys = seen.map(({ key }) => key).filter((key) => streams.some((stream) => stream.key === key));
+    if (keys.length === 0) continue;
     const words = new URLSearchParams({ flight: name, streams: keys.join("|"), from: String(from_s - by_s), to: String(to_s - by_s) });
     const link = document.createElement("a");
     link.href = `/data?${words.toString()}`;

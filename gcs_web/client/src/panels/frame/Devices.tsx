@@ -3,7 +3,7 @@
 import { useSignal } from "@preact/signals";
 import { useEffect, useRef } from "preact/hooks";
 import { send } from "../../core/socket";
-import { announce, devicesOpen, people, welcome } from "../../core/store";
+import { announce, connected, devicesOpen, invitationEnded, people, welcome } from "../../core/store";
 import type { Invitation } from "../../core/protocol";
 
 /** Modules of white that a camera needs round a code. */
@@ -15,13 +15,28 @@ export function Devices() {
   const refusal = useSignal("");
   const { people: here, in_control } = people.value;
   useEffect(() => dialog.current?.focus(), []);
+  const again = useSignal(0);
   useEffect(() => {
-    // Each address lets one browser in: who came has used it up.
+    invitation.value = null;
+    if (!connected.value) return undefined;
+    let [timer, isOver] = [0, false];
     void send({ type: "invite" }).then((reply) => {
+      if (isOver) return;
       refusal.value = reply.error;
       invitation.value = reply.invitation;
+      if (reply.invitation !== null) timer = setTimeout(() => (again.value += 1), 1000 * reply.invitation.good_s);
     });
-  }, [here.length]);
+    return () => {
+      isOver = true;
+      clearTimeout(timer);
+    };
+  }, [invitationEnded.value.number, connected.value, in_control, again.value]);
+  useEffect(
+    () => () => {
+      if (invitation.peek() !== null) void send({ type: "end_invitation" });
+    },
+    [],
+  );
   const close = (): void => void (devicesOpen.value = false);
   return (
     <div
@@ -68,7 +83,7 @@ function Address({ invitation: { address, code, only_here } }: { invitation: Inv
       <p class={only_here ? "caution-text" : "quiet"}>
         {only_here
           ? "This station answers on its own machine only. A phone needs one that was started with a certificate."
-          : "Scan to let one device in. Each code is good once."}
+          : "Scan to let one device in. Each code is good once, for two minutes, while it is shown here."}
       </p>
       {!only_here && (
         <svg class="code" viewBox={`0 0 ${size} ${size}`} role="img" aria-label="QR code of the address" shape-rendering="crispEdges">

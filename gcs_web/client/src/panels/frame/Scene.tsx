@@ -18,7 +18,7 @@ import { figure } from "../learn/Learn";
 import { MapTools, MeasureReadout } from "../map/MapTools";
 import { TopView } from "../view/TopView";
 import { ViewChoice } from "../view/ViewChoice";
-import { measure, watchPace } from "../view/pace";
+import { isSimplified, measure, watchPace } from "../view/pace";
 import { VIEW, fromAbove, isLoaded, look } from "../view/view";
 
 /** A busy page loads the 3D view all the same after this; and how often it is looked whether that has drawn. */
@@ -75,6 +75,7 @@ export function Scene() {
       {fromAbove.value && <TopView />}
       <ViewChoice />
       <div class="legends">
+        <SimplifiedNote />
         {step.value === 4 ? <FlightLegend /> : <PathLegend />}
         <OthersLegend />
         <SliceLegend />
@@ -82,6 +83,16 @@ export function Scene() {
       </div>
       {step.value === 1 && <MapTools />}
     </main>
+  );
+}
+
+/** As long as it holds: what is flown by must not be missing unsaid. */
+function SimplifiedNote() {
+  if (!isSimplified.value || fromAbove.value || mapShown.value === null) return null;
+  return (
+    <div class="legend" role="note">
+      <p>3D is simplified: thin objects may be missing. Top has them.</p>
+    </div>
   );
 }
 

@@ -4,7 +4,8 @@ import { COMMANDS } from "./commands";
 import type { PageCommand } from "../../core/panel";
 
 /** Elements that use plain keys themselves. */
-const TYPED_INTO = "input:not([type=checkbox], [type=radio]), textarea, select, [role=dialog]";
+const TYPED_INTO = "input:not([type=checkbox], [type=radio]), textarea, select";
+const DIALOG = "[role=dialog]";
 
 /** Elements that use some of them. */
 const MOVED_WITHIN = "[role=tab], [role=separator], [type=radio]";
@@ -27,9 +28,10 @@ function commandOf(event: KeyboardEvent): PageCommand | undefined {
   return COMMANDS.find((command) => command.keys?.includes(keys) === true && command.enabled());
 }
 
-function isUsedBy(target: EventTarget | null, event: KeyboardEvent): boolean {
+function isUsedBy(target: EventTarget | null, event: KeyboardEvent, { overDialogs }: PageCommand): boolean {
   if (!(target instanceof Element)) return false;
   if (target.closest(TYPED_INTO) !== null) return true;
+  if (target.closest(DIALOG) !== null && overDialogs !== true) return true;
   return target.closest(event.key.startsWith("Arrow") ? MOVED_WITHIN : event.key === " " ? PRESSED : TYPED_INTO) !== null;
 }
 
@@ -54,7 +56,7 @@ export function listen(): void {
   );
   addEventListener("keydown", (event) => {
     const command = commandOf(event);
-    if (command !== undefined && !event.defaultPrevented && !isUsedBy(event.target, event)) run(event, command);
+    if (command !== undefined && !event.defaultPrevented && !isUsedBy(event.target, event, command)) run(event, command);
   });
 }
 

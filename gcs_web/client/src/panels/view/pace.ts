@@ -1,10 +1,10 @@
 /** Less is drawn in the 3D view where this machine draws slowly: measured before it is loaded, and while it is shown. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { number } from "../../core/format";
 import { drawsSlowly } from "../../core/machine";
 import { send } from "../../core/socket";
-import { announce, connected } from "../../core/store";
+import { announce, connected, isArmed } from "../../core/store";
 import { VIEW, fromAbove, showTop } from "./view";
 
 /** Triangles of the mesh, level by level; below the last one the map from above is shown. */
@@ -19,6 +19,8 @@ const ASLEEP_MS = 15_000;
 
 /** Index of `LEVELS`; -1: all that there is. */
 const level = signal(-1);
+/** Whether the 3D view lacks triangles of the mesh. */
+export const isSimplified = computed(() => level.value >= 0);
 
 /** Measure this machine and tell the station; done when it knows. */
 export async function measure(): Promise<void> {
@@ -65,12 +67,16 @@ export function watchPace(): void {
 
 let saidSo = false;
 
-/** Who asks for 3D again keeps it. */
+/** Who asks for 3D again keeps it; in flight nobody's view is taken away. */
 function drawLess(frames_s: number): void {
   if (level.value < LEVELS.length - 1) level.value += 1;
   else if (!saidSo) {
     saidSo = true;
-    showTop();
-    announce(`3D draws ${number(frames_s, 1)} frames a second here, so Top is shown. V brings it back.`);
+    const said = `3D draws ${number(frames_s, 1)} frames a second here`;
+    if (isArmed.value) announce(`${said}. T shows Top, which is lighter.`);
+    else {
+      showTop();
+      announce(`${said}, so Top is shown. V brings it back.`);
+    }
   }
 }
