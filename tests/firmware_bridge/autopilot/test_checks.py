@@ -62,7 +62,7 @@ def test_one_wrong_or_untold_parameter_is_refused_by_its_name(kind, name, value)
     assert failed(told) == [name]
 
 
-def test_another_station_of_our_id_is_refused_where_its_silence_is_to_be_noticed():
+def test_another_station_of_our_id_is_refused_where_a_lost_link_is_to_be_noticed():
     assert failed(replace(found("ardupilot"), stations=frozenset({255}))) == ["SYSID_MYGCS"]
     assert not failed(replace(found("ardupilot"), stations=frozenset({254})))
     assert not failed(replace(found("px4"), stations=frozenset({255})))
