@@ -4,10 +4,10 @@ import { computed, effect, signal } from "@preact/signals";
 import { number } from "../../core/format";
 import { drawsSlowly } from "../../core/machine";
 import { send } from "../../core/socket";
-import { announce, connected, isArmed } from "../../core/store";
-import { VIEW, fromAbove, showTop } from "./view";
+import { announce, connected } from "../../core/store";
+import { VIEW, fromAbove } from "./view";
 
-/** Triangles of the mesh, level by level; below the last one the map from above is shown. */
+/** Triangles of the mesh, level by level; below the last one the map from above is offered. */
 const LEVELS = [20_000, 6_000, 1_500] as const;
 /** Where a machine begins that draws a picture of many sums slowly. */
 const FIRST_SLOW = 1;
@@ -67,16 +67,11 @@ export function watchPace(): void {
 
 let saidSo = false;
 
-/** Who asks for 3D again keeps it; in flight nobody's view is taken away. */
+/** Nobody's view is taken away. */
 function drawLess(frames_s: number): void {
   if (level.value < LEVELS.length - 1) level.value += 1;
   else if (!saidSo) {
     saidSo = true;
-    const said = `3D draws ${number(frames_s, 1)} frames a second here`;
-    if (isArmed.value) announce(`${said}. T shows Top, which is lighter.`);
-    else {
-      showTop();
-      announce(`${said}, so Top is shown. V brings it back.`);
-    }
+    announce(`3D draws ${number(frames_s, 1)} frames a second here. T shows Top, which is lighter.`);
   }
 }

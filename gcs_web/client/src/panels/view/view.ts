@@ -20,29 +20,17 @@ const chosen = remembered<Look>("look", "3d", isLook);
 /** Whether the 3D view's own page is there; until then the map from above is shown. */
 export const isLoaded = signal(false);
 
-/** Whether the page went to the map from above by itself: not remembered, as nobody chose it. */
-const tooSlow = signal(false);
-
 export const look = computed((): Look => {
-  if (!canDraw || tooSlow.value) return "top";
+  if (!canDraw) return "top";
   return chosen.value === "follow" && !hasVehicle.value ? "3d" : chosen.value;
 });
 /** Whether the map from above stands in the place of the 3D view. */
 export const fromAbove = computed(() => look.value === "top" || !isLoaded.value);
 
-export function showTop(): void {
-  tooSlow.value = true;
-}
-
-function choose(next: Look): void {
-  tooSlow.value = false;
-  chosen.value = next;
-}
-
 export const OFFERED: readonly { key: Look; name: string; letter: string; enabled: () => boolean; run: () => void }[] = [
-  { key: "3d", name: "3D", letter: "v", enabled: () => canDraw, run: () => choose("3d") },
-  { key: "follow", name: "Follow", letter: "f", enabled: () => canDraw && hasVehicle.value, run: () => choose("follow") },
-  { key: "top", name: "Top", letter: "t", enabled: () => true, run: () => choose("top") },
+  { key: "3d", name: "3D", letter: "v", enabled: () => canDraw, run: () => (chosen.value = "3d") },
+  { key: "follow", name: "Follow", letter: "f", enabled: () => canDraw && hasVehicle.value, run: () => (chosen.value = "follow") },
+  { key: "top", name: "Top", letter: "t", enabled: () => true, run: () => (chosen.value = "top") },
 ];
 
 export const LOOK_COMMANDS: readonly PageCommand[] = OFFERED.map(({ name, letter, enabled, run }) => ({
