@@ -9,7 +9,6 @@ import pytest
 
 from flight import project
 from gcs_web import GroundStation
-from gcs_web.gateway import qr
 from gcs_web.protocol.people import Invitation, People, Person
 from gcs_web.protocol.vehicle import Vehicle
 from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium, visited
@@ -184,17 +183,6 @@ def test_a_station_of_its_own_machine_says_so_in_place_of_a_code(page, size):
     assert place["x"] + place["width"] <= size[0]
     found = [rule["id"] for rule in Axe().run(page).response["violations"] if rule["impact"] in SERIOUS]
     assert found == []
-
-
-def test_an_address_too_long_for_a_code_is_refused_with_a_way_out(station, page, monkeypatch):
-    long = f"https://{'x' * 90}.example:8080/?token=1"
-
-    def refused() -> tuple[Invitation, bool]:
-        return Invitation(long, [str(row) for row in qr.matrix(long)], False, 60.0), True
-
-    monkeypatch.setattr(station.desk, "invitation", refused)
-    page.keyboard.press("q")
-    page.get_by_role("alert").get_by_text("too many for a QR code").wait_for()
 
 
 def test_the_page_is_kept_for_a_silent_station_and_no_token_and_no_refusal_is(station, browser):
