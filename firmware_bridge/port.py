@@ -1,6 +1,7 @@
 """One ground station's end of the link: a UDP socket, a thread that listens, questions with retries."""
 
 import contextlib
+import ipaddress
 import logging
 import os
 import queue
@@ -41,6 +42,14 @@ _LEASE_S = 3.0
 _LEAST_TRIES = 5  # on a stalled machine time runs out without the vehicle having had a chance
 _GROUND_STATION, _NO_AUTOPILOT = 6, 8
 _BUFFER_BYTES = 4 << 20  # a log download comes in bursts
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this computer reaches a socket at `host`."""
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def parse_url(url: str) -> tuple[str, int]:

@@ -8,7 +8,6 @@ the operator lease in the name of one station, for as long as that station is th
 """
 
 import contextlib
-import ipaddress
 import logging
 import secrets
 import select
@@ -87,14 +86,6 @@ def parse_listen(text: str) -> tuple[str, int]:
     if not (colon and host and port.isdecimal() and int(port) < 65536):
         raise InputError(f"{text!r} is not HOST:PORT, like {DEFAULT_LISTEN} (port 0 takes a free one)")
     return host, int(port)
-
-
-def is_loopback(host: str) -> bool:
-    """Whether only this computer reaches a socket that listens at `host`."""
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
 
 
 @dataclass(slots=True)

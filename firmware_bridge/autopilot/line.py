@@ -1,6 +1,5 @@
 """MAVLink to an autopilot by UDP, on this machine."""
 
-import ipaddress
 import select
 import socket
 from dataclasses import dataclass
@@ -10,6 +9,7 @@ from firmware_bridge.dialect.generated import autopilot_messages, messages
 from firmware_bridge.dialect.generated.messages import Heartbeat
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received
+from firmware_bridge.port import is_loopback
 from flight import InputError, LinkError
 
 PREFIX = "mavlink:"
@@ -65,11 +65,7 @@ def _within(value: float, bounds: tuple[float, float]) -> bool:
 def _require_this_machine(text: str, host: str) -> None:
     if host == "::1":
         raise InputError(f"{text!r}: MAVLink goes by IPv4 here; give {_FORM}")
-    try:
-        here = host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        here = False
-    if not here:
+    if not is_loopback(host):
         raise InputError(
             "the MAVLink bridge has flown neither PX4 nor ArduPilot, only a simulated autopilot; "
             f"{text!r} is not this machine: give {_FORM}"

@@ -3,7 +3,6 @@
 That is the form of `udp://` in Bitcraze's library and simulators: a header of port and channel, then up to 30 bytes.
 """
 
-import ipaddress
 import select
 import socket
 import time
@@ -11,6 +10,7 @@ from dataclasses import dataclass
 from typing import Protocol
 from urllib.parse import urlsplit
 
+from firmware_bridge.port import is_loopback
 from flight import InputError, LinkError
 
 PREFIX = "crazyflie:"
@@ -74,11 +74,7 @@ def endpoint(address: str) -> tuple[str, int]:
             raise ValueError
     except ValueError:
         raise InputError(f"{address!r} is no Crazyflie's address; give {_FORM}") from None
-    try:
-        here = parts.hostname == "localhost" or ipaddress.ip_address(parts.hostname).is_loopback
-    except ValueError:
-        here = False
-    if not here:
+    if not is_loopback(parts.hostname):
         raise InputError(
             f"the Crazyflie bridge has flown only a simulated one, and {address!r} is not this machine: give {_FORM}"
         )

@@ -1,6 +1,5 @@
 """A line of bytes to a flight controller, by TCP, which never blocks for long."""
 
-import ipaddress
 import select
 import socket
 import time
@@ -8,6 +7,7 @@ from collections.abc import Callable
 from typing import Protocol
 from urllib.parse import urlsplit
 
+from firmware_bridge.port import is_loopback
 from flight import InputError, LinkError
 
 _PREFIX = "betaflight:"
@@ -54,11 +54,7 @@ def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
 
 def _require_this_machine(address: str, host: str) -> None:
     """A serial port has no host, and may be a vehicle."""
-    try:
-        here = host == "localhost" or ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        here = False
-    if not here:
+    if not is_loopback(host):
         raise InputError(
             "the Betaflight bridge has flown only the SITL; it arms nothing that may be a real vehicle, and "
             f"{address!r} is not this machine: give betaflight:tcp://127.0.0.1:5761, or --rehearse"

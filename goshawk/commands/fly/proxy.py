@@ -7,7 +7,8 @@ from pathlib import Path
 import click
 
 from firmware_bridge import keys
-from firmware_bridge.proxy import DEFAULT_LISTEN, Proxy, ProxyStatus, is_loopback, parse_listen
+from firmware_bridge.port import is_loopback
+from firmware_bridge.proxy import DEFAULT_LISTEN, Proxy, ProxyStatus, parse_listen
 from goshawk.terminal import console
 
 SUMMARY = "Connect QGroundControl or MAVSDK, which cannot sign, to the vehicle."
