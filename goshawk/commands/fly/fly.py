@@ -128,13 +128,12 @@ def _fly_off_board(
             touch_down = {"touch_down_m_s": down_m_s}
         else:
             assert address is not None
+            where = offboard.Where(address, *offboard.pose_address(pose_stream))
             if flies_itself:
                 log, early = crazyflie.fly(model, item, address, arms=arms, progress=report, cancel=cancel)
             elif mavlink:
-                where = offboard.Where(address, *offboard.pose_address(pose_stream))
                 log, early = autopilot.fly(model, item, where, arms=arms, progress=report, cancel=cancel)
             else:
-                where = offboard.Where(address, *offboard.pose_address(pose_stream))
                 log, early = offboard.fly(model, item, where, progress=report, cancel=cancel)
     write(log)
     facts = {"written": str(out), "rows": len(log), "planned_s": item.trajectory.duration_s, **tracking(log)}
