@@ -7,12 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from flight import project
 from gcs_web import GroundStation
 from gcs_web.protocol.people import Invitation, People, Person
 from gcs_web.protocol.vehicle import Vehicle
 from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium, visited
-from tests.gcs_web.telling import telling
+from tests.gcs_web.telling import empty_station, telling
 from tests.waiting import PATIENCE_S
 from tests.waiting import until as wait
 
@@ -30,9 +29,7 @@ Object.defineProperty(Navigator.prototype, "wakeLock", { get: () => ({ request: 
 
 @pytest.fixture(scope="module")
 def station(tmp_path_factory) -> Iterator[GroundStation]:
-    """Of an empty project, and without a vehicle: the tests tell the page of one."""
-    opened = project.create(tmp_path_factory.mktemp("field") / "hall", "hall")
-    with GroundStation(opened.folder, triangles=500) as running:
+    with empty_station(tmp_path_factory.mktemp("field")) as running:
         yield running
 
 

@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from flight import project
 from gcs_web import GroundStation
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.vehicle import LostLinkAct, Vehicle
 from tests.gcs_web.in_browser import drawn, needs_chromium, visited
-from tests.gcs_web.telling import telling
+from tests.gcs_web.telling import empty_station, telling
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium
@@ -27,9 +26,7 @@ setInterval(() => console.debug(JSON.stringify(
 
 @pytest.fixture(scope="module")
 def station(tmp_path_factory) -> Iterator[GroundStation]:
-    """Of an empty project, and without a vehicle: the tests tell the page of one."""
-    opened = project.create(tmp_path_factory.mktemp("alarm") / "hall", "hall")
-    with GroundStation(opened.folder, triangles=500) as running:
+    with empty_station(tmp_path_factory.mktemp("alarm")) as running:
         yield running
 
 
