@@ -82,7 +82,7 @@ _VIEW_STYLE = (
 """Hides viser's own panel and messages: what they do is on our page, which sets the background to its own colour."""
 
 Handler = Callable[["web.Request"], Awaitable["web.StreamResponse"]]
-Serve = Callable[["web.WebSocketResponse"], Awaitable[None]]
+Serve = Callable[["web.WebSocketResponse", bool], Awaitable[None]]
 
 
 class Gateway:
@@ -105,7 +105,7 @@ class Gateway:
     ) -> None:
         """
         Args:
-            serve_page: talks to one page over its WebSocket.
+            serve_page: talks to one page over its WebSocket, told whether it is on the station's own machine.
             state: answers `/state`: what the server holds, as JSON.
             incoming: file for the flight log of a name that a page sends. Raises `InputError` to refuse it.
             share: answers `/share?name=...`: the name and the text of an HTML file. Raises `FlightError`.
@@ -357,10 +357,10 @@ class Gateway:
         socket = web.WebSocketResponse(max_msg_size=LARGEST_MESSAGE, heartbeat=PING_S)
         await socket.prepare(request)
         own = request.transport.get_extra_info("sockname") if request.transport is not None else None
-        socket["here"] = own is not None and own[0] == request.remote  # on the station's own machine
+        is_here = own is not None and own[0] == request.remote
         self._sockets += 1
         try:
-            await self._serve_page(socket)
+            await self._serve_page(socket, is_here)
         finally:
             self._sockets -= 1
         return socket

@@ -60,9 +60,9 @@ class PageSocket:
         self._for_emergencies = ThreadPoolExecutor(2, "abort")  # never behind other work
         self._for_questions = ThreadPoolExecutor(2, "question")  # nothing behind them
 
-    async def serve(self, socket: "web.WebSocketResponse") -> None:
-        """Talk to one page until it leaves."""
-        client = self._hub.join(here=bool(socket.get("here", False)))
+    async def serve(self, socket: "web.WebSocketResponse", is_here: bool) -> None:
+        """Talk to one page, which may be on the station's own machine, until it leaves."""
+        client = self._hub.join(here=is_here)
         welcome = Welcome(PROTOCOL, client.person.id, self._project, self._id)
         writer = asyncio.create_task(_write(socket, client, welcome))
         await asyncio.to_thread(self._arrived)

@@ -23,7 +23,7 @@ from gcs_web.jobs import incoming
 from tests.waiting import PATIENCE_S
 
 
-async def echo(socket: aiohttp.web.WebSocketResponse) -> None:
+async def echo(socket: aiohttp.web.WebSocketResponse, _: bool) -> None:
     """Stands where the page's commands are served."""
     async for message in socket:
         await socket.send_str(message.data)
@@ -407,7 +407,7 @@ def test_what_is_passed_to_a_browser_that_has_left_ends_without_an_error():
         async def messages():
             yield aiohttp.WSMessage(aiohttp.WSMsgType.BINARY, b"scene", None)
 
-        async def leave_and_send(socket):
+        async def leave_and_send(socket, _):
             socket._req.transport.abort()
             task = asyncio.create_task(rules._pump(messages(), socket, allow=lambda _: True))
             await asyncio.wait({task})

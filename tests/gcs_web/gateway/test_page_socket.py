@@ -27,9 +27,6 @@ class Socket:
         self._commands, self._until = commands, until
         self.said: list[dict[str, Any]] = []
 
-    def get(self, _: str, otherwise: bool) -> bool:
-        return otherwise
-
     async def send_str(self, text: str) -> None:
         self.said.append(json.loads(text))
 
@@ -46,7 +43,7 @@ def serve(socket: Socket, handlers: dict[type, Callable[..., Any]], folder: Path
         pages = PageSocket(
             Hub(asyncio.get_running_loop()), handlers, project=project, arrived=lambda: None, left=lambda _: None
         )
-        await asyncio.wait_for(pages.serve(cast(Any, socket)), 60.0)
+        await asyncio.wait_for(pages.serve(cast(Any, socket), False), 60.0)
 
     asyncio.run(talk())
 
