@@ -6,7 +6,8 @@ EXTRAS = {
         "ruamel.yaml": "ruamel.yaml", "trimesh": "trimesh",
     },
     "gcs": {
-        "aiohttp": "aiohttp", "msgspec": "msgspec", "open3d": "open3d", "trimesh": "trimesh", "viser": "viser",
+        "aiohttp": "aiohttp", "msgspec": "msgspec", "open3d": "open3d", "segno": "segno", "trimesh": "trimesh",
+        "viser": "viser",
     },
     "ros": {"rosbags": "rosbags", "lz4": "lz4", "zstandard": "zstandard"},
     "cluster": {"dask": "dask", "distributed": "distributed"},

@@ -18,7 +18,7 @@ import planner
 from flight import FloatArray, InputError, LinkError, Progress, project, silent
 from gcs_web.comparison import reports
 from gcs_web.desk import Desk
-from gcs_web.gateway import gateway, qr
+from gcs_web.gateway import gateway
 from gcs_web.gateway.entrants import Entrants
 from gcs_web.gateway.hub import Hub
 from gcs_web.gateway.page_socket import PageSocket
@@ -262,9 +262,10 @@ class GroundStation:
             self.view.draw_waypoints(self.desk.session.content.points)
 
     def _invitation(self) -> tuple[Invitation, bool]:
-        """Raises `InputError` if the address is too long for a QR code."""
+        import segno
+
         address, is_new = self._gateway.invite()
-        code = ["".join(row) for row in qr.matrix(address).astype(int).astype(str)]
+        code = ["".join(map(str, row)) for row in segno.make_qr(address, error="m").matrix]
         return Invitation(address, code, is_loopback(self._host), self._gateway.invited_for_s), is_new
 
     def _end_invitation(self) -> None:
