@@ -98,8 +98,37 @@ def judge(placed: SparseMap) -> MapVerdict:
             "across fit their places, so one part is turned or shifted. Take more images there, closer together and "
             "with more texture, or give a camera file of a calibrated lens"
         )
+    of_the_file = _of_the_camera_file(placed)
+    doubts, refusals = doubts + of_the_file[0], refusals + of_the_file[1]
+    doubts += _bent_doubts(placed)
+    lost = [camera.name for number, camera in enumerate(placed.rig) if not placed.registered[:, number].any()]
+    if lost:
+        doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
+    for witness in placed.alignment.witnesses[:1]:
+        if SIGMAS95 * witness.std > SCALE_DOUBT:
+            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS95 * witness.std:.0f} % (95 %) only"
+            why = advice.scale_text(placed.trial, is_timed=_is_timed(placed)) if witness.source == BASELINE else ""
+            doubts.append(f"{said}, {why}" if why else said)
+    for witness in placed.alignment.witnesses[1:]:
+        _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
+    doubts += _frame_doubts(placed.alignment)
+    for check in placed.alignment.motions:
+        doubts += _motion_doubts(check)
+        refusals += _motion_refusals(check)
+    if placed.alignment.up_source == MotionKind.POSES:
+        doubts += _tilt_doubts(placed.T_world_body[placed.placed])
+    if placed.alignment.up_source == GRAVITY:
+        doubts += _hanging_doubts(placed.T_world_body[placed.placed])
+    standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
     trial = placed.trial
-    is_timed = bool(np.isfinite(placed.images.time_s[placed.placed]).all())
+    corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
+    said = tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
+    return MapVerdict(standing, (*refusals, *doubts), (*said, *_resized(placed)))
+
+
+def _of_the_camera_file(placed: SparseMap) -> tuple[list[str], list[str]]:
+    """Doubts and refusals by the trial of the camera file."""
+    trial, doubts, refusals = placed.trial, list[str](), list[str]()
     if trial.noise_px > LARGEST_NOISE_PX:
         doubts.append(
             f"matches miss their points by {trial.noise_px:.2f} px (up to {LARGEST_NOISE_PX:g} is usual): the lens "
@@ -120,10 +149,9 @@ def judge(placed: SparseMap) -> MapVerdict:
             )
         elif finding in trial.inexpressible:
             said = f"{finding.candidate} of {size_text(finding)}, which a camera file cannot state"
-            is_untimed = finding.candidate.kind in UNTIMED.values()
-            doubts.append(
-                f"{said}: {advice.to_record(finding.candidate.kind, is_timed=is_timed)}" if is_untimed else said
-            )
+            kind = finding.candidate.kind
+            remedy = f": {advice.to_record(kind, is_timed=_is_timed(placed))}" if kind in UNTIMED.values() else ""
+            doubts.append(said + remedy)
     if others:
         refusals.append(
             f"the camera file is that of another lens, image size or other images: {', '.join(others)}. If it is not, "
@@ -139,29 +167,11 @@ def judge(placed: SparseMap) -> MapVerdict:
             doubts.append(
                 f"these images cannot tell an error of the {finding.candidate} of up to {size_text(finding, most=True)}"
             )
-    doubts += _bent_doubts(placed)
-    lost = [camera.name for number, camera in enumerate(placed.rig) if not placed.registered[:, number].any()]
-    if lost:
-        doubts.append(f"no image of camera {', '.join(lost)} is in the map: its calibration was not tried")
-    for witness in placed.alignment.witnesses[:1]:
-        if SIGMAS95 * witness.std > SCALE_DOUBT:
-            said = f"the {witness.source} gives the scale to ± {100 * SIGMAS95 * witness.std:.0f} % (95 %) only"
-            why = advice.scale_text(trial, is_timed=is_timed) if witness.source == BASELINE else ""
-            doubts.append(f"{said}, {why}" if why else said)
-    for witness in placed.alignment.witnesses[1:]:
-        _weigh(placed.alignment.witnesses[0], witness, doubts, refusals)
-    doubts += _frame_doubts(placed.alignment)
-    for check in placed.alignment.motions:
-        doubts += _motion_doubts(check)
-        refusals += _motion_refusals(check)
-    if placed.alignment.up_source == MotionKind.POSES:
-        doubts += _tilt_doubts(placed.T_world_body[placed.placed])
-    if placed.alignment.up_source == GRAVITY:
-        doubts += _hanging_doubts(placed.T_world_body[placed.placed])
-    standing = Standing.REFUSED if refusals else Standing.DOUBTFUL if doubts else Standing.GOOD
-    corrected = [] if placed.images.depths else [f for f in trial.present if f not in trial.inexpressible]
-    said = tuple(f"{f.candidate}: {size_text(f)}, corrected" for f in corrected)
-    return MapVerdict(standing, (*refusals, *doubts), (*said, *_resized(placed)))
+    return doubts, refusals
+
+
+def _is_timed(placed: SparseMap) -> bool:
+    return bool(np.isfinite(placed.images.time_s[placed.placed]).all())
 
 
 def _resized(placed: SparseMap) -> list[str]:
