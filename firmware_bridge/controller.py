@@ -107,6 +107,8 @@ class VehicleLike(Protocol):
     @property
     def spin(self) -> FloatArray: ...
     @property
+    def axis_body(self) -> FloatArray | None: ...
+    @property
     def effects(self) -> tuple[str, ...]: ...
     @property
     def limits(self) -> Any: ...
@@ -181,8 +183,10 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
     """Controller parameters that mirror a vehicle model's body, rotors and effects; gains stay at their presets.
 
     Raises:
-        InputError: the model has no thrust law the controller knows, or a value is out of the table's range.
+        InputError: the model has other rotors than four along body z, no thrust law the controller knows, or a value is
+            out of the table's range.
     """
+    require_four(vehicle)
     values = dict.fromkeys(_SWITCHED_OFF, 0.0)
     values |= _body(vehicle)
     left: list[str] = []
@@ -204,6 +208,16 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
     else:
         raise InputError("the controller needs a thrust law; add thrust_bem or thrust_quadratic to the vehicle")
     return Configuration(checked({**values, **overrides}), tuple(left))
+
+
+def require_four(vehicle: VehicleLike) -> None:
+    """Raises `InputError` for what the controller's mixer cannot drive."""
+    if len(vehicle.spin) != 4 or vehicle.axis_body is not None:
+        rotors = f"{len(vehicle.spin)} rotors" if vehicle.axis_body is None else "tilted rotors"
+        raise InputError(
+            f"the controller's mixer drives four rotors along body z, this vehicle has {rotors}: fly it by a firmware "
+            "that mixes them (goshawk fly PLAN --on betaflight:... or mavlink:...)"
+        )
 
 
 def _body(vehicle: VehicleLike) -> dict[str, float]:

@@ -1,7 +1,8 @@
 """A flight log: one row per instant, one column per quantity, the unit in the column's name; Parquet on disk.
 
 The standard columns are in `COLUMNS`; any further column is allowed if its name ends in a unit of `UNITS`.
-A quantity that was not recorded has no column; one that was not sampled at a row is NaN there.
+A quantity that was not recorded has no column; one that was not sampled at a row is NaN there. Rotors from the fifth
+on have columns numbered like those of the first four.
 """
 
 import importlib
@@ -50,6 +51,23 @@ COLUMNS: dict[str, tuple[str, ...]] = {
     name: tuple(f"{stem}_{label}{unit}" for label in labels) for name, (stem, labels, unit) in _GROUPS.items()
 }
 """Vector quantity to its column names, e.g. `position_world_m` to `position_world_x_m`, `_y_m`, `_z_m`."""
+
+ROTOR_QUANTITIES = ("rotor_speed_rad_s", "rotor_speed_command_rad_s")
+"""Vectors of `COLUMNS` that have more columns where there are more than four rotors."""
+MOST_ROTORS = 8
+
+
+def rotor_columns(quantity: str, count: int) -> tuple[str, ...]:
+    """The columns of a quantity of `ROTOR_QUANTITIES` for so many rotors."""
+    stem, _, unit = _GROUPS[quantity]
+    return tuple(f"{stem}_{i}{unit}" for i in range(count))
+
+
+def columns_of(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
+    """(n, k) values of a vector of `COLUMNS` by column name; of rotors k is how many there are."""
+    names = rotor_columns(quantity, values.shape[1]) if quantity in ROTOR_QUANTITIES else COLUMNS[quantity]
+    return dict(zip(names, values.T, strict=True))
+
 
 SCALARS = (
     "time_s",
@@ -111,16 +129,24 @@ class FlightLog:
         """Whether every column of a vector of `COLUMNS`, or the scalar column, is there."""
         return all(name in self.columns for name in COLUMNS.get(quantity, (quantity,)))
 
+    def names(self, quantity: str) -> tuple[str, ...]:
+        """The columns of a vector of `COLUMNS`: of rotors as many as the log has, the first four at least."""
+        if quantity not in ROTOR_QUANTITIES:
+            return COLUMNS[quantity]
+        every = rotor_columns(quantity, MOST_ROTORS)
+        return every[: next((i for i in range(4, MOST_ROTORS) if every[i] not in self.columns), MOST_ROTORS)]
+
     def vector(self, quantity: str) -> FloatArray:
-        """A vector quantity of `COLUMNS` as (n, 3) or (n, 4).
+        """A vector quantity of `COLUMNS` as (n, 3) or (n, 4); of rotors (n, r).
 
         Raises:
             InputError: a column of it is missing; the message names those and what is there.
         """
-        missing = [name for name in COLUMNS[quantity] if name not in self.columns]
+        names = self.names(quantity)
+        missing = [name for name in names if name not in self.columns]
         if missing:
             raise InputError(f"the log has no {', '.join(missing)}; it has {', '.join(sorted(self.columns))}")
-        return np.stack([self.columns[name] for name in COLUMNS[quantity]], axis=-1)
+        return np.stack([self.columns[name] for name in names], axis=-1)
 
     def slice(self, start_s: float, end_s: float) -> "FlightLog":
         """Rows with start_s <= time < end_s."""
@@ -135,14 +161,17 @@ def from_vectors(
     scalars: Mapping[str, FloatArray] | None = None,
     metadata: Mapping[str, Any] | None = None,
 ) -> FlightLog:
-    """Build a log from (n, 3) and (n, 4) arrays keyed as in `COLUMNS`, and (n,) scalar columns."""
+    """Build a log from (n, 3), (n, 4) and, of r rotors, (n, r) arrays keyed as in `COLUMNS`, and (n,) scalars."""
     columns: dict[str, FloatArray] = {"time_s": np.asarray(time_s, dtype=np.float64)}
     for quantity, values in vectors.items():
         if quantity not in COLUMNS:
             raise InputError(f"unknown quantity {quantity}; known are {', '.join(COLUMNS)}")
-        if np.shape(values) != (len(columns["time_s"]), len(COLUMNS[quantity])):
-            raise InputError(f"{quantity} : expected shape (n, {len(COLUMNS[quantity])}), got {np.shape(values)}")
-        columns |= {name: values[:, i] for i, name in enumerate(COLUMNS[quantity])}
+        names, shape = COLUMNS[quantity], np.shape(values)
+        if quantity in ROTOR_QUANTITIES and len(shape) == 2 and 4 < shape[1] <= MOST_ROTORS:
+            names = rotor_columns(quantity, shape[1])
+        if shape != (len(columns["time_s"]), len(names)):
+            raise InputError(f"{quantity} : expected shape (n, {len(names)}), got {shape}")
+        columns |= {name: values[:, i] for i, name in enumerate(names)}
     return FlightLog(columns | dict(scalars or {}), dict(metadata or {}))
 
 

@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from flight import file_format
-from vehicle import effects as registry
 from vehicle import presets
-from vehicle.files import FORMAT, VERSION
+from vehicle.files import AXES, FORMAT, VERSION
 from vehicle.model import BODY, Vehicle
 from vehicle.parameters import Limits, Parameter
 
@@ -61,7 +60,7 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
     lines += ["# Where the pose sensor (markers, camera) is, from the centre of mass, and how it is turned:"]
     lines += [_entry(s.name, vehicle.parameters[s.name]) for s in BODY if s.name not in shown]
     for name in vehicle.effects:
-        effect = registry.find(name)
+        effect = vehicle.effect(name)
         lines += ["", f"# {effect.law}", f"[effect.{name}]"]
         lines += [_entry(s.name, vehicle.parameters[f"{name}.{s.name}"]) for s in effect.parameters]
     lines += [
@@ -81,13 +80,17 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
 def _rotors(vehicle: Vehicle) -> list[str]:
     rows = ",\n".join(f"  [{', '.join(f'{v:g}' if v else '0.0' for v in hub)}]" for hub in _floats(vehicle.hub_body_m))
     places = ", ".join(place(hub) for hub in vehicle.hub_body_m)
-    return [
-        f"# Rotors 0 to 3 ({places}): a log's rotor speeds come in this order.",
+    lines = [
+        f"# Rotors 0 to {vehicle.rotors - 1} ({places}): a log's rotor speeds come in this order.",
         "# Position in metres from the centre of mass; spin 1 turns counter-clockwise seen from above, -1 clockwise.",
         "[rotors]",
         f"position_body_m = [\n{rows},\n]",
         f"spin = [{', '.join(str(int(s)) for s in vehicle.spin)}]",
     ]
+    if vehicle.axis_body is None:
+        return lines
+    axes = ",\n".join(f"  [{', '.join(repr(float(v)) for v in axis)}]" for axis in vehicle.axis_body)
+    return [*lines, "# Unit vectors along which they thrust.", f"{AXES} = [\n{axes},\n]"]
 
 
 def _floats(array: np.ndarray) -> Sequence[Sequence[float]]:

@@ -17,6 +17,8 @@ from vehicle.parameters import Limits, Parameter
 
 FORMAT = "goshawk-vehicle"
 VERSION = 1
+AXES = "thrust_axis_body"
+"""Of the rotors: in a file of tilted ones only."""
 
 
 def save(path: Path, vehicle: Vehicle) -> None:
@@ -28,16 +30,23 @@ def save(path: Path, vehicle: Vehicle) -> None:
         "effects": list(vehicle.effects),
         "gravity_m_s2": vehicle.gravity_m_s2,
         "effect_files": [_relative(file, path.parent) for file in vehicle.effect_files],
-        "rotors": {"position_body_m": vehicle.hub_body_m.tolist(), "spin": vehicle.spin.astype(int).tolist()},
+        "rotors": _rotors(vehicle),
         "body": {name: asdict(vehicle.parameters[name]) for name in body_names},
         "effect": {
-            name: {s.name: asdict(vehicle.parameters[f"{name}.{s.name}"]) for s in registry.find(name).parameters}
+            name: {s.name: asdict(vehicle.parameters[f"{name}.{s.name}"]) for s in vehicle.effect(name).parameters}
             for name in vehicle.effects
         },
         "limits": vehicle.limits.as_dict(),
         "provenance": dict(vehicle.provenance),
     }
     file_format.write_toml(path, format=FORMAT, version=VERSION, body=body)
+
+
+def _rotors(vehicle: Vehicle) -> dict[str, Any]:
+    rotors: dict[str, Any] = {
+        "position_body_m": vehicle.hub_body_m.tolist(), "spin": vehicle.spin.astype(int).tolist()
+    }  # fmt: skip
+    return rotors if vehicle.axis_body is None else rotors | {AXES: vehicle.axis_body.tolist()}
 
 
 def load(path: Path, *, relative_to: Path | None = None) -> Vehicle:
@@ -104,6 +113,8 @@ def vehicle_hash(vehicle: Vehicle) -> str:
         vehicle.spin.tolist(),
         vehicle.limits.as_dict(),
     ]
+    if vehicle.axis_body is not None:
+        facts.append(vehicle.axis_body.tolist())
     if vehicle.gravity_m_s2 != GRAVITY_M_S2:  # plans of before, made at standard gravity, keep their vehicle's hash
         facts.append(vehicle.gravity_m_s2)
     if texts := [digest for name in vehicle.effects if (digest := registry.text_hash(name))]:
@@ -117,19 +128,21 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
     if "mass_kg" not in parameters:
         raise InputError('the body has no mass_kg; weigh the vehicle and add mass_kg = { value = 0.7, unit = "kg" }')
     complete = body_parameters(**parameters) | parameters
+    rotors = _table(document, "rotors")
+    hubs = _numbers(rotors, "rotors", "position_body_m", (None, 3))
     effects = _strings(document, "effects")
     for effect, entries in _table(document, "effect", {}).items():
-        known = registry.find(effect).parameters
+        known = registry.find(effect, len(hubs)).parameters
         units = {s.name: s.unit for s in known}
         complete |= {f"{effect}.{s.name}": Parameter(s.default, 0.0, s.unit, "default") for s in known if s.optional}
         for name, entry in _is_table(f"effect.{effect}", entries).items():
             complete[f"{effect}.{name}"] = _parameter(f"effect.{effect}.{name}", entry, units.get(name))
-    rotors = _table(document, "rotors")
     return Vehicle(
         name=str(_there(document, "name")),
         parameters=complete,
-        hub_body_m=_numbers(rotors, "rotors", "position_body_m", (4, 3)),
-        spin=_numbers(rotors, "rotors", "spin", (4,)),
+        hub_body_m=hubs,
+        spin=_numbers(rotors, "rotors", "spin", (len(hubs),)),
+        axis_body=_unit(_numbers(rotors, "rotors", AXES, (len(hubs), 3))) if AXES in rotors else None,
         effects=tuple(effects),
         limits=_limits(_table(document, "limits", {})),
         provenance=_table(document, "provenance", {}),
@@ -176,16 +189,22 @@ def _number(name: str, value: Any) -> float:
     return float(value)
 
 
-def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int, ...]) -> np.ndarray:
-    """An array of numbers of a certain shape."""
-    expected = " rows of ".join(str(n) for n in shape) + " numbers"
+def _unit(vectors: np.ndarray) -> np.ndarray:
+    """Of length one, as a hand writes them with few digits; a vector of no length stays, for the model to refuse."""
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where((length > 0.5) & (length < 2.0), length, 1.0)
+
+
+def _numbers(table: dict[str, Any], where: str, key: str, shape: tuple[int | None, ...]) -> np.ndarray:
+    """An array of numbers of a certain shape; None: any length."""
+    expected = " rows of ".join("4 to 8" if n is None else str(n) for n in shape) + " numbers"
     if key not in table:
         raise InputError(f"{where} has no {key}; expected {expected}")
     try:
         values = np.array(table[key], dtype=np.float64)
     except (TypeError, ValueError):
         values = np.empty(0)
-    if values.shape != shape:
+    if values.ndim != len(shape) or any(n not in (None, size) for n, size in zip(shape, values.shape, strict=True)):
         raise InputError(f"{where}.{key} is {str(table[key])[:60]}; expected {expected}")
     return values
 

@@ -38,7 +38,7 @@ class FlatState:
     torque_n_m: FloatArray
     """(n, 3) body axes."""
     rotor_speed_rad_s: FloatArray
-    """(n, 4); NaN where a rotor would have to pull downward."""
+    """(n, r); NaN where a rotor would have to pull downward."""
     tilt_rad: FloatArray
     """(n,) angle between body z and world z."""
 
@@ -69,7 +69,7 @@ def state(vehicle: Vehicle, trajectory: Trajectory, times_s: FloatArray, *, grou
     height = (path.position[:, 2:] - ground_m).reshape(5, n, 1)
     blocks = (path.velocity.reshape(5, n, 3), path.acceleration.reshape(5, n, 3), height, path.yaw.reshape(5, n, 1))
     rows = np.ascontiguousarray(np.concatenate(blocks, axis=2).swapaxes(0, 1)).reshape(5 * n, 8)
-    out = np.empty((n, 18))
+    out = np.empty((n, 14 + vehicle.rotors))
     kernel.model.flatness(kernel.values, vehicle.gravity_m_s2, invert.hover(vehicle)[None], _OFFSET_S, rows, out)
     return _flat_state(
         times, _middle(path), out[:, :4], out[:, 4:7], out[:, 7:10], out[:, 10], out[:, 11:14], out[:, 14:]
@@ -95,7 +95,7 @@ def at_nodes(
         scale: (p,) how much that argument grows in a second.
 
     Returns:
-        (p, m, 8); rows whose rotor speeds are NaN are impossible.
+        (p, m, 4 + r); rows whose rotor speeds are NaN are impossible.
     """
     p, m = yaw_rad.shape
     velocity, acceleration = velocity_world_m_s.reshape(-1, 3), acceleration_world_m_s2.reshape(-1, 3)
@@ -103,10 +103,13 @@ def at_nodes(
     if kernel is None:
         far = np.column_stack([np.zeros((p * m, 2)), np.full(p * m, np.inf)])
         return _at_nodes_numpy(vehicle, _Path(far, velocity, acceleration, yaw), derivatives, scale)
-    rows, out = np.column_stack([velocity, acceleration, np.full(p * m, np.inf), yaw]), np.empty((p * m, 8))
+    rows, out = (
+        np.column_stack([velocity, acceleration, np.full(p * m, np.inf), yaw]),
+        np.empty((p * m, 4 + vehicle.rotors)),
+    )
     hover = invert.hover(vehicle)[None]
     kernel.model.at_nodes(kernel.values, vehicle.gravity_m_s2, hover, *derivatives, scale[:, None], rows, out)
-    return out.reshape(p, m, 8)
+    return out.reshape(p, m, 4 + vehicle.rotors)
 
 
 def air_velocity_body(flat: FlatState) -> FloatArray:
@@ -122,7 +125,7 @@ def _middle(path: _Path) -> _Path:
 def _state_numpy(vehicle: Vehicle, times: FloatArray, path: _Path, ground_m: float) -> FlatState:
     """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
     n = len(times)
-    speed = np.broadcast_to(invert.hover(vehicle), (5 * n, 4))
+    speed = np.broadcast_to(invert.hover(vehicle), (5 * n, vehicle.rotors))
     rate, centre_rate, turn = np.zeros((5 * n, 3)), np.zeros((n, 3)), np.zeros((n, 3))
     offsets = np.repeat(np.arange(-2, 3) * _OFFSET_S, n)[:, None]
     q = np.zeros((5 * n, 4))
@@ -139,7 +142,7 @@ def _at_nodes_numpy(
 ) -> FloatArray:
     """NumPy reference of the kernel, and the form for vehicles with effects of the user's own."""
     (p, m), n = (len(scale), len(derivatives[0])), len(path.yaw)
-    q, speed = np.zeros((n, 4)), np.broadcast_to(invert.hover(vehicle), (n, 4))
+    q, speed = np.zeros((n, 4)), np.broadcast_to(invert.hover(vehicle), (n, vehicle.rotors))
     rate, turn, change = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n)
     for _ in range(2):  # forces depend a little on the rates, which come from the attitudes: two iterations suffice
         q, speed, change = _attitudes(vehicle, path, rate, speed, -np.inf)
@@ -150,12 +153,12 @@ def _at_nodes_numpy(
         rate, turn = (2.0 * rotations.multiply(rotations.conjugate(q), slope)[:, 1:] for slope in slopes)
     back = rotations.conjugate(q)
     thrust = rotations.rotate(back, _required(vehicle, path))[:, 2]
-    velocity, around = rotations.rotate(back, path.velocity), _around(path, q, -np.inf)
+    velocity, around = rotations.rotate(back, path.velocity), _around(vehicle, path, q, -np.inf)
     torque = _torque(vehicle, rate, turn)
     rotor = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
     rotor[~(change < _UNSETTLED)] = np.nan
     up = 1.0 - 2.0 * (q[:, 1] ** 2 + q[:, 2] ** 2)
-    return np.column_stack([up, rate, rotor]).reshape(p, m, 8)
+    return np.column_stack([up, rate, rotor]).reshape(p, m, 4 + vehicle.rotors)
 
 
 def _torque(vehicle: Vehicle, rate: FloatArray, turn: FloatArray) -> FloatArray:
@@ -213,7 +216,7 @@ def _turned(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Attitude that aligns thrust with the required force less drag at the old attitude; thrust; old thrust."""
     velocity = rotations.rotate(rotations.conjugate(q), path.velocity)
-    force, _ = dynamics.wrench(vehicle, velocity, rate, speed, _around(path, q, ground_m))
+    force, _ = dynamics.wrench(vehicle, velocity, rate, speed, _around(vehicle, path, q, ground_m))
     # With drag -c v the axis is required + c v whatever the attitude (Faessler et al. 2018); only what is not of that
     # form has to be iterated.
     lateral = velocity * np.array([1.0, 1.0, 0.0])
@@ -241,9 +244,9 @@ def _rates(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     return 2.0 * rotations.multiply(back, slope)[:, 1:], 2.0 * rotations.multiply(back, bend)[:, 1:]
 
 
-def _around(path: _Path, q: FloatArray, ground_m: float) -> Surroundings:
+def _around(vehicle: Vehicle, path: _Path, q: FloatArray, ground_m: float) -> Surroundings:
     n = len(q)
-    return Surroundings(q, path.position[:, 2] - ground_m, np.full(n, np.inf), np.zeros((n, 4)))
+    return Surroundings(q, path.position[:, 2] - ground_m, np.full(n, np.inf), np.zeros((n, vehicle.rotors)))
 
 
 def _finish(
@@ -261,7 +264,7 @@ def _finish(
     for _ in range(20):
         back = rotations.conjugate(q)
         thrust, velocity = rotations.rotate(back, required)[:, 2], rotations.rotate(back, path.velocity)
-        around = _around(path, q, ground_m)
+        around = _around(vehicle, path, q, ground_m)
         speed = invert.rotor_speeds(vehicle, thrust, torque, velocity, rate, surroundings=around, guess_rad_s=speed)
         turned, _, _ = _turned(vehicle, required, path, q, rate, speed, ground_m)
         if not (np.abs(turned - q) > 1e-12).any():

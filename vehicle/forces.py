@@ -24,10 +24,16 @@ class Surroundings:
     ceiling_gap_m: FloatArray | None = None
     """(n,) free height above; infinite in the open."""
     rotor_acceleration_rad_s2: FloatArray | None = None
-    """(n, 4)."""
+    """(n, r)."""
 
 
 NOTHING_KNOWN = Surroundings()
+
+
+def open_air(n: int, rotors: int = 4) -> Surroundings:
+    """Level, far from ground and ceiling, rotors at steady speed."""
+    level = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    return Surroundings(level, np.full(n, np.inf), np.full(n, np.inf), np.zeros((n, rotors)))
 
 
 def evaluate(
@@ -38,7 +44,7 @@ def evaluate(
     surroundings: Surroundings = NOTHING_KNOWN,
     values: ValueMap | None = None,
 ) -> Flow:
-    """Run the effects over n instants given components first, (3, n), (3, n), (4, n); sums are complete in the result.
+    """Run the effects over n instants given components first, (3, n), (3, n), (r, n); sums are complete in the result.
 
     Raises:
         InputError: an active effect reads a surrounding that was not given.
@@ -59,13 +65,14 @@ def evaluate(
         height_m=surroundings.height_m,
         ceiling_gap_m=surroundings.ceiling_gap_m,
         rotor_acceleration_rad_s2=_components_first(surroundings.rotor_acceleration_rad_s2),
+        tilt=None if vehicle.axis_body is None else tilts(vehicle.axis_body),
     )
     for name in active(vehicle, Stage.AIR, Stage.THRUST, Stage.THRUST_FACTOR, Stage.FORCE):
         effect = registry.find(name)
         for need in effect.needs:
             if getattr(flow, need) is None:
                 raise InputError(f"effect {name} reads {need}; give it in the surroundings")
-        effect.apply(flow, namespace(values, name))
+        effect.apply(flow, namespace(values, name, vehicle.rotors))
     _collect_hub_forces(flow)
     return flow
 
@@ -73,8 +80,19 @@ def evaluate(
 def _collect_hub_forces(flow: Flow) -> None:
     """Carry thrust and hub forces to the centre of mass."""
     flow.hub_force_n[2] += flow.thrust_n
+    if flow.tilt is not None:
+        flow.hub_force_n = np.einsum("ijr,jrn->irn", flow.tilt, flow.hub_force_n)
     flow.force_n += flow.hub_force_n.sum(axis=1)
     flow.torque_n_m += cross(flow.hub_m, flow.hub_force_n).sum(axis=1)
+
+
+def tilts(axis_body: FloatArray) -> FloatArray:
+    """(3, 3, r) rotations that turn z the shortest way to each axis (r, 3, unit): Rodrigues' formula."""
+    x, y, z = axis_body.T
+    share = 1.0 / (1.0 + z)
+    return np.array(
+        [[1.0 - x * x * share, -x * y * share, x], [-x * y * share, 1.0 - y * y * share, y], [-x, -y, z]], np.float64
+    )
 
 
 def wrench_numpy(

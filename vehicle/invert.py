@@ -5,8 +5,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from flight import FloatArray, InfeasibleError, portable
-from vehicle import dynamics, native
-from vehicle.forces import Surroundings
+from vehicle import allocation, dynamics, native
+from vehicle.forces import Surroundings, open_air
 from vehicle.model import Vehicle, rigid_body
 
 _STEPS = 25
@@ -23,28 +23,30 @@ def rotor_speeds(
     surroundings: Surroundings | None = None,
     guess_rad_s: FloatArray | None = None,
 ) -> FloatArray:
-    """Rotor speeds whose force along body z and torque are the required ones (Newton on all four at once).
+    """Rotor speeds whose force along body z and torque are the required ones (Newton on all at once).
+
+    More than four rotors share them as `vehicle.allocation` says.
 
     Args:
         thrust_n: (n,) required force along body z, drag along it included.
         torque_n_m: (n, 3) required torque.
-        guess_rad_s: (n, 4) start; the speeds of an even thrust if not given.
+        guess_rad_s: (n, r) start; the speeds of an even thrust if not given.
 
     Returns:
-        (n, 4) rotor speeds; a row is NaN where none exist (a rotor would have to pull downward).
+        (n, r) rotor speeds; a row is NaN where none exist (a rotor would have to pull downward).
     """
     required = np.column_stack([np.atleast_1d(thrust_n), np.atleast_2d(torque_n_m)])
     count = len(required)
     velocity = np.broadcast_to(np.atleast_2d(velocity_air_body_m_s), (count, 3))
     rate = np.broadcast_to(np.atleast_2d(rate_body_rad_s), (count, 3))
-    around = surroundings or open_air(count)
-    speed = np.full((count, 4), 0.5 * vehicle.limits.rotor_speed_max_rad_s) if guess_rad_s is None else guess_rad_s
-    speed = np.array(np.broadcast_to(speed, (count, 4)))
+    around, shape = surroundings or open_air(count, vehicle.rotors), (count, vehicle.rotors)
+    speed = np.full(shape, 0.5 * vehicle.limits.rotor_speed_max_rad_s) if guess_rad_s is None else guess_rad_s
+    speed = np.array(np.broadcast_to(speed, shape))
     kernel = native.compiled(vehicle)
     if kernel is None:
         return rotor_speeds_numpy(vehicle, required, velocity, rate, speed, around)
-    out = np.empty((count, 4))
-    rows = native.surroundings_rows(around)
+    out = np.empty(shape)
+    rows = native.surroundings_rows(around, vehicle.rotors)
     kernel.model.invert(kernel.values, required, np.hstack([velocity, rate, speed]), rows, out)
     return out
 
@@ -64,11 +66,9 @@ def rotor_speeds_numpy(
         todo = np.flatnonzero(change > _TOLERANCE_RAD_S)
         if not todo.size:
             break
-        step = _newton_step(
+        speed[todo], step = _newton_step(
             vehicle, required[todo], velocity[todo], rate[todo], speed[todo], _rows(around, todo, count)
         )
-        # a far start may overshoot below zero, towards the root -n of n^2: stop at a tenth of the speed
-        speed[todo] = np.maximum(speed[todo] + step, 0.1 * speed[todo])
         change[todo] = np.abs(step).max(axis=1)
     speed[~(change <= _TOLERANCE_RAD_S)] = np.nan
     return speed
@@ -81,19 +81,20 @@ def _newton_step(
     rate: FloatArray,
     speed: FloatArray,
     around: Surroundings,
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
+    """New rotor speeds, and the change that the whole step asked for."""
     jacobian = dynamics.wrench_jacobian(vehicle, velocity, rate, speed, surroundings=around)
     missing = required - jacobian.value[:, 2:]
     slope = jacobian.rotor_speed[:, 2:]
     singular = ~np.isfinite(slope).all(axis=(1, 2)) | (np.abs(speed).min(axis=1) < 1e-9)
-    slope[singular] = np.eye(4)
-    step = portable.solve(slope, missing[..., None])[..., 0]
-    return np.where(singular[:, None], np.nan, step)
-
-
-def open_air(n: int) -> Surroundings:
-    """Level, far from ground and ceiling, rotors at steady speed."""
-    return Surroundings(np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)), np.full(n, np.inf), np.full(n, np.inf), np.zeros((n, 4)))
+    slope[singular] = np.eye(4, vehicle.rotors)
+    if vehicle.rotors > 4:
+        moved, step = allocation.step(vehicle, slope, missing, np.maximum(speed, 1e-9))
+    else:
+        step = portable.solve(slope, missing[..., None])[..., 0]
+        # a far start may overshoot below zero, towards the root -n of n^2: stop at a tenth of the speed
+        moved = np.maximum(speed + step, 0.1 * speed)
+    return np.where(singular[:, None], np.nan, moved), np.where(singular[:, None], np.nan, step)
 
 
 def _rows(around: Surroundings, index: np.ndarray, n: int) -> Surroundings:
@@ -112,7 +113,7 @@ _hovers: WeakKeyDictionary[Vehicle, FloatArray] = WeakKeyDictionary()
 
 
 def hover(vehicle: Vehicle) -> FloatArray:
-    """(4,) rotor speeds of a level hover in still air, far from ground and ceiling.
+    """(r,) rotor speeds of a level hover in still air, far from ground and ceiling.
 
     Raises:
         InfeasibleError: the rotors cannot carry the weight within their fastest speed.

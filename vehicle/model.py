@@ -1,4 +1,4 @@
-"""The vehicle model: a rigid body, four rotors, and an ordered list of effects."""
+"""The vehicle model: a rigid body, four to eight rotors, and an ordered list of effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -33,6 +33,11 @@ BODY = (
 turns sensor axes into body axes."""
 
 
+ROTORS = (4, 8)
+"""Fewest and most."""
+UPRIGHT = 0.5
+"""Least share of a rotor's thrust along body z: an axis tilted by 60 degrees."""
+
 GRAVITY_ON_EARTH_M_S2 = (9.76, 9.84)
 """Least (a high mountain at the equator) and most (a pole)."""
 
@@ -48,10 +53,10 @@ class Vehicle:
     parameters: Mapping[str, Parameter]
     """Body parameters by name (`mass_kg`), effects' parameters by `effect.parameter`."""
     hub_body_m: FloatArray
-    """(4, 3) rotor hubs in body axes. Our own files start front left and go counter-clockwise seen from above,
+    """(r, 3) rotor hubs in body axes. Our own files start front left and go counter-clockwise seen from above,
     but no code depends on that order: all read it from here."""
     spin: FloatArray
-    """(4,) +1 turns counter-clockwise seen from above, -1 clockwise."""
+    """(r,) +1 turns counter-clockwise seen from above, -1 clockwise."""
     effects: tuple[str, ...]
     """Names of the active effects, in the order they act."""
     limits: Limits = field(default_factory=Limits)
@@ -62,14 +67,23 @@ class Vehicle:
     gravity_m_s2: float = GRAVITY_M_S2
     """Where it flies: 9.780 at the equator, 9.832 at the poles, 3e-6 less for every metre up. Identified thrust is in
     proportion to it, so the two are kept together."""
+    axis_body: FloatArray | None = None
+    """(r, 3) unit vectors along which the rotors thrust, body axes; None: all along z."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "hub_body_m", np.ascontiguousarray(self.hub_body_m, dtype=np.float64))
         object.__setattr__(self, "spin", np.ascontiguousarray(self.spin, dtype=np.float64))
+        if self.axis_body is not None:
+            object.__setattr__(self, "axis_body", np.ascontiguousarray(self.axis_body, dtype=np.float64))
         _check_gravity(self)
         _check_rotors(self)
         _check_effects(self)
         _check_parameters(self)
+
+    @property
+    def rotors(self) -> int:
+        """How many there are."""
+        return len(self.spin)
 
     @property
     def reach_m(self) -> float:
@@ -94,8 +108,12 @@ class Vehicle:
     def values(self, effect: str) -> SimpleNamespace:
         """All values of one active effect, in the form that its `apply` takes."""
         return SimpleNamespace(
-            **{s.name: self.parameters[f"{effect}.{s.name}"].value for s in registry.find(effect).parameters}
+            **{s.name: self.parameters[f"{effect}.{s.name}"].value for s in self.effect(effect).parameters}
         )
+
+    def effect(self, name: str) -> Effect:
+        """An effect of the catalogue or the user's own, with the parameters that it has on this vehicle."""
+        return registry.find(name, self.rotors)
 
     def with_value(self, name: str, value: float, *, std: float = 0.0, source: str = "set by hand") -> "Vehicle":
         """A copy with one parameter changed. Raises `InputError` for an unknown name or a value out of bounds."""
@@ -110,7 +128,7 @@ class Vehicle:
         Args:
             values: the effect's parameters; one that is not given takes its default and its prior's width.
         """
-        effect = registry.find(name)
+        effect = self.effect(name)
         unknown = set(values) - {s.name for s in effect.parameters}
         if unknown:
             known = ", ".join(s.name for s in effect.parameters)
@@ -169,7 +187,7 @@ def specs(vehicle: Vehicle) -> dict[str, Spec]:
     """Unit, prior scale and bounds of every parameter of a vehicle, by full name."""
     named = {s.name: s for s in BODY}
     for effect in vehicle.effects:
-        named |= {f"{effect}.{s.name}": s for s in registry.find(effect).parameters}
+        named |= {f"{effect}.{s.name}": s for s in vehicle.effect(effect).parameters}
     return named
 
 
@@ -177,8 +195,8 @@ def values_of(vehicle: Vehicle) -> dict[str, Any]:
     return {name: parameter.value for name, parameter in vehicle.parameters.items()}
 
 
-def namespace(values: ValueMap, effect: str) -> Values:
-    return Values(**{s.name: values[f"{effect}.{s.name}"] for s in registry.find(effect).parameters})
+def namespace(values: ValueMap, effect: str, rotors: int = 4) -> Values:
+    return Values(**{s.name: values[f"{effect}.{s.name}"] for s in registry.find(effect, rotors).parameters})
 
 
 def active(vehicle: Vehicle, *stages: Stage) -> list[str]:
@@ -215,10 +233,20 @@ def _check_gravity(vehicle: Vehicle) -> None:
 
 
 def _check_rotors(vehicle: Vehicle) -> None:
-    if vehicle.hub_body_m.shape != (4, 3) or not np.isfinite(vehicle.hub_body_m).all():
-        raise InputError(f"rotor positions of {vehicle.name} must be four finite rows of x, y, z")
-    if vehicle.spin.shape != (4,) or not np.isin(vehicle.spin, (-1.0, 1.0)).all():
-        raise InputError(f"rotor spins of {vehicle.name} must be four of +1 and -1")
+    hub, spin, axis = vehicle.hub_body_m, vehicle.spin, vehicle.axis_body
+    if hub.ndim != 2 or hub.shape[1] != 3 or not ROTORS[0] <= len(hub) <= ROTORS[1] or not np.isfinite(hub).all():
+        raise InputError(
+            f"rotor positions of {vehicle.name}: expected {ROTORS[0]} to {ROTORS[1]} finite rows of x, y, z, got shape "
+            f"{hub.shape}"
+        )
+    if spin.shape != hub.shape[:1] or not np.isin(spin, (-1.0, 1.0)).all():
+        raise InputError(f"rotor spins of {vehicle.name}: expected {len(hub)} of +1 and -1, one for each position")
+    if axis is not None and (axis.shape != hub.shape or not (np.abs(np.linalg.norm(axis, axis=1) - 1.0) < 1e-6).all()):
+        raise InputError(f"thrust axes of {vehicle.name}: expected {len(hub)} unit vectors, one for each position")
+    if axis is not None and axis[:, 2].min() < UPRIGHT:
+        raise InputError(
+            f"a thrust axis of {vehicle.name} has {axis[:, 2].min():.2f} along body z; it must have {UPRIGHT:g} or more"
+        )
 
 
 def _check_effects(vehicle: Vehicle) -> None:

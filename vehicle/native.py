@@ -32,27 +32,36 @@ _cache: WeakKeyDictionary[Vehicle, Compiled | None] = WeakKeyDictionary()
 
 
 def compiled(vehicle: Vehicle) -> Compiled | None:
-    """The vehicle for the kernel, or None when an active effect has no compiled form (one of the user's own)."""
+    """The vehicle for the kernel, or None when an active effect has no compiled form (one of the user's own), nor have
+    its tilted rotors."""
     if vehicle not in _cache:
         _cache[vehicle] = _compile(vehicle)
     return _cache[vehicle]
 
 
 def _compile(vehicle: Vehicle) -> Compiled | None:
+    if not _has_kernel(vehicle):
+        return None
     active = [name for name in vehicle.effects if registry.find(name).stage != Stage.SENSOR]
     if any(_KNOWN.get(name) != len(registry.find(name).parameters) for name in active):
         return None
-    names = (*BODY_NAMES, *(f"{e}.{s.name}" for e in active for s in registry.find(e).parameters))
+    names = (*BODY_NAMES, *(f"{e}.{s.name}" for e in active for s in vehicle.effect(e).parameters))
     model = _vehicle.Model(active, vehicle.hub_body_m, vehicle.spin[None], [])
     assert model.width == len(names)
     return Compiled(model, np.array([[vehicle.parameters[name].value for name in names]]), names)
 
 
+def _has_kernel(vehicle: Vehicle) -> bool:
+    return vehicle.rotors == 4 and vehicle.axis_body is None
+
+
 def for_stepping(vehicle: Vehicle) -> Compiled | None:
     """As `compiled`, but effects of the user's own take part too, called back from the kernel; only for simulation.
 
-    None when one of them acts on mass or motors, for which the kernel has no callback.
+    None when one of them acts on mass or motors, for which the kernel has no callback, or rotors are tilted.
     """
+    if not _has_kernel(vehicle):
+        return None
     own = [name for name in vehicle.effects if name not in _KNOWN and registry.find(name).stage != Stage.SENSOR]
     if any(registry.find(name).stage not in _FLOW_STAGES for name in own):
         return None
@@ -106,13 +115,13 @@ def _mirrored(vehicle: Vehicle, name: str) -> tuple[Callable[[], None], FloatArr
     return run, block
 
 
-def surroundings_rows(surroundings: Surroundings) -> FloatArray:
-    """(n or 1, 10): attitude, height, ceiling gap, rotor acceleration; level in the open where not given."""
+def surroundings_rows(surroundings: Surroundings, rotors: int = 4) -> FloatArray:
+    """(n or 1, 6 + rotors): attitude, height, ceiling gap, rotor acceleration; level in the open where not given."""
     parts = (
         (surroundings.q_world_body, np.array([[1.0, 0.0, 0.0, 0.0]])),
         (surroundings.height_m, np.array([[np.inf]])),
         (surroundings.ceiling_gap_m, np.array([[np.inf]])),
-        (surroundings.rotor_acceleration_rad_s2, np.zeros((1, 4))),
+        (surroundings.rotor_acceleration_rad_s2, np.zeros((1, rotors))),
     )
     columns = [
         neutral if given is None else np.asarray(given, dtype=np.float64).reshape(-1, neutral.shape[1])

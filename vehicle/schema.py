@@ -4,25 +4,26 @@ from dataclasses import fields
 from typing import Any
 
 from vehicle import effects as registry
-from vehicle.effects.base import Spec
-from vehicle.files import FORMAT, VERSION
-from vehicle.model import BODY, GRAVITY_ON_EARTH_M_S2
+from vehicle.effects.base import Effect, Spec
+from vehicle.files import AXES, FORMAT, VERSION
+from vehicle.model import BODY, GRAVITY_ON_EARTH_M_S2, ROTORS
 from vehicle.parameters import Limits
 
 
 def schema() -> dict[str, Any]:
     """The schema, with every effect of the catalogue; effects of the user's own are accepted unchecked."""
-    effects = {
-        name: _table({s.name: _parameter(s) for s in effect.parameters}, effect.law, all_required=True)
-        for name, effect in registry.catalogue().items()
-    }
+    effects = {name: _effect(effect) for name, effect in registry.catalogue().items()}
     position = {"type": "array", "minItems": 3, "maxItems": 3, "items": {"type": "number"}}
     rotors = {
         "position_body_m": {
             "description": "Hubs from the centre of mass, body axes: x forward, y left, z up; metres.",
-            **_four(position),
+            **_each(position),
         },
-        "spin": {"description": "1 counter-clockwise seen from above, -1 clockwise.", **_four({"enum": [1, -1]})},
+        "spin": {"description": "1 counter-clockwise seen from above, -1 clockwise.", **_each({"enum": [1, -1]})},
+        AXES: {
+            "description": "Unit vectors along which the rotors thrust, body axes; left out: all along z.",
+            **_each(position),
+        },
     }
     body = _table({s.name: _parameter(s) for s in BODY}, "What every vehicle has.") | {"required": ["mass_kg"]}
     return {
@@ -47,7 +48,7 @@ def schema() -> dict[str, Any]:
                 "maximum": GRAVITY_ON_EARTH_M_S2[1],
             },
             "effect_files": {"type": "array", "items": {"type": "string"}},
-            "rotors": _table(rotors, "Four rotors.", all_required=True),
+            "rotors": _table(rotors, "Four to eight rotors.") | {"required": ["position_body_m", "spin"]},
             "body": body,
             "effect": {"type": "object", "properties": effects},
             "limits": _table(
@@ -57,6 +58,13 @@ def schema() -> dict[str, Any]:
             "provenance": {"type": "object"},
         },
     }
+
+
+def _effect(effect: Effect) -> dict[str, Any]:
+    """With a parameter for each rotor: those of eight are known, those of four required."""
+    most = effect if effect.each_rotor is None else registry.find(effect.name, ROTORS[1])
+    table = _table({s.name: _parameter(s) for s in most.parameters}, effect.law)
+    return table | {"required": [s.name for s in effect.parameters]}
 
 
 def _parameter(spec: Spec) -> dict[str, Any]:
@@ -75,10 +83,9 @@ def _parameter(spec: Spec) -> dict[str, Any]:
     }
 
 
-def _table(properties: dict[str, Any], description: str, *, all_required: bool = False) -> dict[str, Any]:
-    table = {"type": "object", "description": description, "additionalProperties": False, "properties": properties}
-    return table | {"required": list(properties)} if all_required else table
+def _table(properties: dict[str, Any], description: str) -> dict[str, Any]:
+    return {"type": "object", "description": description, "additionalProperties": False, "properties": properties}
 
 
-def _four(item: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "array", "minItems": 4, "maxItems": 4, "items": item}
+def _each(item: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "array", "minItems": ROTORS[0], "maxItems": ROTORS[1], "items": item}

@@ -14,7 +14,7 @@ from gcs_web.jobs import incoming
 from gcs_web.jobs.jobs import Choices, Kind
 from goshawk.commands.learn import vehicle_new
 from goshawk.station_jobs.flights import in_words_of
-from vehicle import commented, draft
+from vehicle import commented, draft, layouts
 from vehicle.draft import Known
 
 INCH_M = 0.0254
@@ -59,7 +59,7 @@ class Example(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def _choices(project: Project) -> Choices:
-    return {"frame": draft.FRAMES, "source": [_NONE, *incoming.listed(project, incoming.VEHICLES)]}
+    return {"frame": layouts.FRAMES, "source": [_NONE, *incoming.listed(project, incoming.VEHICLES)]}
 
 
 def _examples(_: Project) -> Choices:

@@ -17,9 +17,8 @@ from vehicle import Vehicle, flatness
 
 NODES = 12
 """Instants in a piece."""
-UP, RATE, ROTOR = 0, slice(1, 4), slice(4, 8)
+UP, RATE, ROTOR = 0, slice(1, 4), slice(4, None)
 """Columns of the values: cosine of the tilt, body rates, rotor speeds."""
-VALUES = 8
 REACH = 1.1
 """The nodes reach beyond a piece by this factor, as derivatives are poor at the outermost ones."""
 _LONGEST_S, _SHORT_S = 0.5, 0.05
@@ -52,7 +51,7 @@ def pieces_of(durations_s: FloatArray, segments: np.ndarray, longest_s: float) -
 
 
 def coefficients(vehicle: Vehicle, trajectory: Trajectory, pieces: Pieces) -> FloatArray:
-    """(p, NODES, VALUES) Chebyshev coefficients over each piece; NaN where the vehicle cannot fly the motion."""
+    """(p, NODES, values) Chebyshev coefficients over each piece; NaN where the vehicle cannot fly the motion."""
     nodes, derivatives, from_values = _operators()
     local = pieces.start_s[:, None] + 0.5 * pieces.length_s[:, None] * (1.0 + nodes)
     c = trajectory.coefficients[pieces.segment]
@@ -101,7 +100,7 @@ def sampled(
     fractions: FloatArray,
     memory: Memory | None = None,
 ) -> FloatArray:
-    """(s, f, VALUES) in the given segments (s,) at fractions (f,) of each; NaN where the motion is impossible."""
+    """(s, f, values) in the given segments (s,) at fractions (f,) of each; NaN where the motion is impossible."""
     memory = memory or Memory()
     values = _sampled(vehicle, trajectory, segments, fractions, memory, _LONGEST_S)
     # An impossible instant leaves its whole piece unknown, even one beyond the piece's end.
@@ -125,11 +124,11 @@ def _sampled(
     place = fractions * count[:, None]
     number = np.minimum(place.astype(int), count[:, None] - 1)
     values = at_fractions(found[(first + number).ravel()], (place - number).ravel())
-    return values.reshape(len(segments), len(fractions), VALUES)
+    return values.reshape(len(segments), len(fractions), -1)
 
 
 def at_fractions(coefficients: FloatArray, fractions: FloatArray) -> FloatArray:
-    """(n, VALUES) values at one fraction (n,) of each of as many pieces, from 0 at its start to 1 at its end."""
+    """(n, values) at one fraction (n,) of each of as many pieces, from 0 at its start to 1 at its end."""
     rows = chebyshev.chebvander((2.0 * np.asarray(fractions) - 1.0) / REACH, NODES - 1)
     return np.einsum("nk,nkv->nv", rows, coefficients)
 

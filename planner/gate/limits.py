@@ -259,7 +259,7 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
     def quantities(values: FloatArray, more: FloatArray | float) -> FloatArray:
         shown = np.zeros((len(NAMES), *values.shape[:2]))
-        more = np.broadcast_to(more, (len(values), 1, attitude.VALUES))
+        more = np.broadcast_to(more, (len(values), 1, values.shape[-1]))
         rate, rotor = np.abs(values[..., attitude.RATE]) + more[..., attitude.RATE], values[..., attitude.ROTOR]
         up = values[..., attitude.UP] - more[..., attitude.UP]
         shown[3] = portable.arccosine(np.clip(up, -1.0, 1.0))
@@ -274,7 +274,7 @@ def _piece_bounds(coefficients: FloatArray) -> tuple[FloatArray, FloatArray, Flo
 
 
 def hull(coefficients: FloatArray) -> FloatArray:
-    """(p, m, VALUES) control points: over each piece the values stay within their convex hull."""
+    """(p, m, values) control points: over each piece the values stay within their convex hull."""
     return np.einsum("mk,pkv->pmv", _control_points(), coefficients)
 
 
@@ -285,7 +285,7 @@ def _hull_fractions() -> FloatArray:
 
 
 def _at_nodes(coefficients: FloatArray) -> FloatArray:
-    """(p, NODES, VALUES) values spread evenly over each piece, its ends among them."""
+    """(p, NODES, values) values spread evenly over each piece, its ends among them."""
     return np.einsum(
         "nk,pkv->pnv",
         chebyshev.chebvander(np.linspace(-1.0, 1.0, attitude.NODES) / attitude.REACH, attitude.NODES - 1),
@@ -294,7 +294,7 @@ def _at_nodes(coefficients: FloatArray) -> FloatArray:
 
 
 def allowance(coefficients: FloatArray) -> FloatArray:
-    """(p, VALUES) by how much the values may miss what they stand for."""
+    """(p, values) by how much the values may miss what they stand for."""
     return _DOUBT * np.abs(coefficients[:, -4:]).sum(axis=1)
 
 

@@ -12,14 +12,20 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FloatArray, portable
-from vehicle import Limits, Vehicle, dynamics, invert
+from vehicle import Limits, Vehicle, allocation, dynamics, invert
 
-NAMES = (
-    "speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate",
-    *["rotor speed"] * 4, *["slowest rotor"] * 4,
-)  # fmt: skip
-"""What each column of an excess belongs to."""
+_SINGLE = ("speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate")
+
+
+def names_of(rotors: int) -> tuple[str, ...]:
+    """What each column of an excess belongs to."""
+    return (*_SINGLE, *["rotor speed"] * rotors, *["slowest rotor"] * rotors)
+
+
+NAMES = names_of(4)
 COLUMNS = len(NAMES)
+_IDLE = 8
+"""The kernel is compiled for four rotors and for so many; of fewer than these the rest never exceed a limit."""
 _FIT_LATERAL_M_S = np.linspace(1.0, 10.0, 10)
 _FIT_CLIMB_M_S = np.linspace(-6.0, 6.0, 7)
 _LEAST_FORCE = 1e-6
@@ -51,21 +57,31 @@ class Airframe:
     inertia_kg_m2: FloatArray
     """(3,) about the body axes."""
     effort_least: FloatArray
-    """(4,) lower limit of each rotor's speed squared, in units of the mean at hover."""
+    """(r,) lower limit of each rotor's speed squared, in units of the mean at hover."""
     effort_most: FloatArray
     effort_hover: FloatArray
     mix: FloatArray
-    """(4, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
+    """(r, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each column of an excess belongs to."""
+        return names_of(len(self.effort_hover))
 
 
 def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
-    """The vehicle near hover, with these limits."""
+    """The vehicle near hover, with these limits; for the kernel five to seven rotors are filled up to eight."""
     hover = invert.hover(vehicle)
     mean_square = float(np.mean(hover**2))
     still, mass = np.zeros((1, 3)), vehicle.mass_kg
     slope = dynamics.wrench_jacobian(vehicle, still, still, hover[None]).rotor_speed[0, 2:]
-    mix = 2.0 * hover[:, None] / mean_square * portable.solve(slope, np.eye(4))
+    if vehicle.rotors > 4:
+        by_wrench = allocation.by_wrench(vehicle, slope[None], hover[None])[0]
+    else:
+        by_wrench = portable.solve(slope, np.eye(4))
+    mix = 2.0 * hover[:, None] / mean_square * by_wrench
     mix[:, 0] *= mass
+    idle = np.zeros(0 if vehicle.rotors == 4 else _IDLE - vehicle.rotors)
     drag, lift = _in_flight(vehicle, hover)
     return Airframe(
         gravity_m_s2=vehicle.gravity_m_s2,
@@ -80,10 +96,14 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         lift_axial_1_s=float(lift[0]),
         lift_lateral_1_m=float(lift[1]),
         inertia_kg_m2=np.array([vehicle.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")]),
-        effort_least=np.full(4, np.square(limits.rotor_speed_min_rad_s) / mean_square),
-        effort_most=np.full(4, np.square(limits.rotor_speed_max_rad_s) / mean_square),
-        effort_hover=hover**2 / mean_square,
-        mix=mix,
+        effort_least=np.append(
+            np.full(vehicle.rotors, np.square(limits.rotor_speed_min_rad_s) / mean_square), idle - 1.0
+        ),
+        effort_most=np.append(
+            np.full(vehicle.rotors, np.square(limits.rotor_speed_max_rad_s) / mean_square), idle + 1.0
+        ),
+        effort_hover=np.append(hover**2 / mean_square, idle),
+        mix=np.concatenate([mix, np.zeros((len(idle), 4))]),
     )
 
 
@@ -97,7 +117,9 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
     turn, lateral, up = (np.asarray(grid, dtype=np.float64).ravel() for grid in grids)
     sine, cosine = portable.sine_cosine(turn)
     velocity: FloatArray = np.stack([lateral * cosine, lateral * sine, up], axis=1)
-    force, _ = vehicles.wrench(vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (len(velocity), 4)))
+    force, _ = vehicles.wrench(
+        vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (len(velocity), len(hover)))
+    )
     per_mass = force / vehicle.mass_kg
     drag = -np.sum(per_mass[:, :2] * velocity[:, :2], axis=1) / lateral**2
     by_speed = np.stack([np.ones_like(lateral), np.sqrt(lateral**2 + up**2)], axis=1)
@@ -113,7 +135,7 @@ def _least_squares(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def excess_numpy(airframe: Airframe, derivatives: FloatArray) -> FloatArray:
-    """The NumPy reference of the kernel's `Demand`: relative excess (n, 14) over each limit.
+    """The NumPy reference of the kernel's `Demand`: relative excess (n, names) over each limit.
 
     Args:
         derivatives: (n, 5, 4) position and yaw with four derivatives.

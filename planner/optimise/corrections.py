@@ -36,12 +36,16 @@ _IMPOSSIBLE = 0.2
 class Corrections:
     """What is added to the reduced model's excess at each sample, (k, samples, limits), and to the clearance."""
 
-    def __init__(self, segments: int) -> None:
-        shape = (segments, time_allocation.SAMPLES, airframe.COLUMNS)
+    def __init__(self, segments: int, columns: int = airframe.COLUMNS) -> None:
+        """
+        Args:
+            columns: of the airframe's excess.
+        """
+        shape = (segments, time_allocation.SAMPLES, columns)
         self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
         self.measured, self.believed = np.zeros(shape), np.zeros(shape)
         """The correction that was measured last, and the excess with the one that is believed."""
-        self.gate = np.full((segments, 1, airframe.COLUMNS), _SPARE)
+        self.gate = np.full((segments, 1, columns), _SPARE)
         self.farther_m = np.zeros(segments)
         """As `Problem.farther_m`."""
 
@@ -50,12 +54,16 @@ class Corrections:
 
         Where the number stays the same, what was measured of the old ones is where the new ones start from.
         """
-        fresh = Corrections(segments)
-        copy = Corrections(0)
+        fresh = Corrections(segments, self.gate.shape[-1])
+        copy = Corrections(0, self.gate.shape[-1])
         for name, old in vars(self).items():
             new = old[first:last] if segments == last - first else getattr(fresh, name)
             setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
         return copy
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return airframe.names_of((self.gate.shape[-1] - len(airframe.names_of(0))) // 2)
 
     def unpressed(self) -> "Corrections":
         """A copy with what was measured, and no multipliers yet."""
@@ -111,7 +119,7 @@ class Corrections:
         """The limit of each segment with the largest multipliers, "" for none; where untouched, of the last round."""
         now = np.maximum(0.0, self.believed + self.gate + self.multiplier)
         held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
-        return tuple(airframe.NAMES[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
+        return tuple(self._names[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
 
     def farther(self, lack_m: FloatArray) -> None:
         """Aim at more clearance in segments that lack some, (k,), infinite where it is not known how much."""
@@ -123,10 +131,10 @@ class Corrections:
         Args:
             on_legs: by name of the limit, (k,) bool, where what is asked for on a leg is.
         """
-        columns = np.array([limits.NAMES.index(name) for name in airframe.NAMES])
+        columns = np.array([limits.NAMES.index(name) for name in self._names])
         exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
         for name, beyond in on_legs.items():
-            exceeded[:, airframe.NAMES.index(name)] |= beyond
+            exceeded[:, self._names.index(name)] |= beyond
         least, share = _STRICTER
         self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
 
@@ -151,6 +159,8 @@ def measured_excess(
     most_jerk = np.full(k, frame.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
     w, values = frame, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
     effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
+    idle = np.zeros((*effort.shape[:-1], len(w.effort_hover) - effort.shape[-1]))
+    effort = np.concatenate([effort, idle], axis=2) if idle.size else effort
     rate = values[..., attitude.RATE]
     times = fractions * trajectory.durations_s[segments, None]
     c = trajectory.coefficients[segments, :3]

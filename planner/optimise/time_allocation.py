@@ -209,7 +209,7 @@ def excess_numpy(problem: Problem, motion: FloatArray) -> FloatArray:
     for order, name, most in ((1, "speed", problem.speed_m_s), (3, "jerk", problem.jerk_m_s3)):
         if most is not None:
             square = (motion[:, :, order, :3] ** 2).sum(axis=2)
-            over[:, :, airframe.NAMES.index(name)] = square / most[:, None] ** 2 - 1.0
+            over[:, :, problem.airframe.names.index(name)] = square / most[:, None] ** 2 - 1.0
     return over
 
 
@@ -220,7 +220,7 @@ def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, F
         At each sample, and the largest up to half-way to the next ones.
     """
     segments, half = len(spline.durations_s), _BETWEEN // 2
-    fine = np.empty((segments, (SAMPLES - 1) * _BETWEEN + 1, airframe.COLUMNS))
+    fine = np.empty((segments, (SAMPLES - 1) * _BETWEEN + 1, len(problem.airframe.names)))
     _kernel(problem, fine.shape[1]).excess(spline.states, spline.durations_s, fine)
     around = np.pad(fine, ((0, 0), (half, half), (0, 0)), mode="edge")
     peaks = np.max([around[:, i : i + fine.shape[1] : _BETWEEN] for i in range(2 * half + 1)], axis=0)
@@ -310,7 +310,7 @@ def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
 
 
 def _packed(w: Airframe) -> FloatArray:
-    """(42,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
+    """(14 + 7 r,) in the order of the kernel's struct (planner/src/airframe.hpp)."""
     first = [w.speed_m_s, w.acceleration_m_s2, w.jerk_m_s3, w.cos_tilt, w.rate_rad_s, w.yaw_rate_rad_s]
     first += [w.gravity_m_s2, w.drag_per_thrust_1_s, w.drag_per_speed_1_m, w.lift_axial_1_s, w.lift_lateral_1_m]
     rest = (w.inertia_kg_m2, w.effort_least, w.effort_most, w.effort_hover, w.mix.ravel())

@@ -18,8 +18,9 @@ struct Motion {
 using namespace goshawk;
 
 // What a motion asks of the airframe; yaw turns first, then the body tilts the shortest way (vehicle/flatness.py).
-template <class Number>
+template <class Number, int kRotors>
 class Demand {
+    static constexpr int kLimits = limits_of(kRotors), kSlowest = kFastest + kRotors;
     using Vec = ::Vec<Number>;
     using Motion = ::Motion<Number>;
 
@@ -59,7 +60,7 @@ class Demand {
                                   I[2] * turn_z + (I[1] - I[0]) * rate_x * rate_y};
         climb = m.velocity.dot(z);
         const Number lift = w.lift_axial * climb + w.lift_lateral * (m.velocity.dot(m.velocity) - climb * climb);
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < kRotors; ++i) {
             effort[i] = w.effort_hover[i] + w.mix[i][0] * (f.dot(z) - lift - w.gravity);
             for (int k = 0; k < 3; ++k) effort[i] += w.mix[i][1 + k] * torque[k];
         }
@@ -73,7 +74,7 @@ class Demand {
         out[kTilt] = (w.cos_tilt - z.z) / (1.0 - w.cos_tilt);
         out[kRate] = zd.dot(zd) / (w.rate * w.rate) - 1.0;
         out[kYawRate] = rate_z * rate_z / (w.yaw_rate * w.yaw_rate) - 1.0;
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < kRotors; ++i) {
             out[kFastest + i] = effort[i] - w.effort_most[i];
             out[kSlowest + i] = w.effort_least[i] - effort[i];
         }
@@ -101,7 +102,7 @@ class Demand {
         Vec by_zd = zd * (2.0 * by_excess[kRate] / (w.rate * w.rate));
         Number by_rate_z = 2.0 * by_excess[kYawRate] * rate_z / (w.yaw_rate * w.yaw_rate);
         Number by_thrust{}, by_torque[3] = {};
-        for (int i = 0; i < 4; ++i) {
+        for (int i = 0; i < kRotors; ++i) {
             const Number by_effort = by_excess[kFastest + i] - by_excess[kSlowest + i];
             by_thrust += by_effort * w.mix[i][0];
             for (int k = 0; k < 3; ++k) by_torque[k] += by_effort * w.mix[i][1 + k];
@@ -159,7 +160,7 @@ class Demand {
     const Number c, s;              // of the yaw
     Vec f, t0, t1, t2, z, zd, zdd;  // specific force; thrust with two derivatives; its direction with two
     Number force, pace, drag, size, climb, y1, y2, h, n1, n2;
-    Number rate_x, rate_y, rate_z, bend_x, bend_y, effort[4];
+    Number rate_x, rate_y, rate_z, bend_x, bend_y, effort[kRotors];
     Real steady, upright;  // one, or zero in free fall or upside down
 };
 

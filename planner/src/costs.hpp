@@ -12,8 +12,9 @@ namespace {
 struct LimitCost {
     double price;
 
-    template <class Number>
-    Number density(const Demand<Number>& demand, const double* offsets, Motion<Number>& by) const {
+    template <class Number, int kRotors>
+    Number density(const Demand<Number, kRotors>& demand, const double* offsets, Motion<Number>& by) const {
+        constexpr int kLimits = limits_of(kRotors);
         Number excess[kLimits], by_excess[kLimits], total{};
         demand.excess(excess);
         for (int l = 0; l < kLimits; ++l) {

@@ -77,10 +77,19 @@ void snap_coefficients(In states, In durations, Out out) {
     });
 }
 
+// In the order of the struct: 14 numbers, and 7 for each of four or eight rotors.
 Airframe airframe_from(const In& values) {
-    static_assert(sizeof(Airframe) == 42 * sizeof(double), "planner/optimise/airframe.py packs as many");
-    Airframe airframe;
-    std::copy_n(values.data(), 42, reinterpret_cast<double*>(&airframe));
+    constexpr std::size_t kFirst = offsetof(Airframe, effort_least) / sizeof(double);
+    static_assert(kFirst == 14, "planner/optimise/airframe.py packs as many");
+    Airframe airframe{};
+    airframe.rotors = static_cast<int>((values.size() - kFirst) / 7);
+    std::copy_n(values.data(), kFirst, reinterpret_cast<double*>(&airframe));
+    const double* from = values.data() + kFirst;
+    for (double* to : {airframe.effort_least, airframe.effort_most, airframe.effort_hover}) {
+        std::copy_n(from, airframe.rotors, to);
+        from += airframe.rotors;
+    }
+    std::copy_n(from, 4 * airframe.rotors, airframe.mix[0]);
     return airframe;
 }
 

@@ -45,13 +45,14 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
     : segments_(segments),
       samples_(samples),
       packs_((samples + kLanes - 1) / kLanes),
+      limits_(static_cast<std::size_t>(limits_of(airframe.rotors))),
       airframe_(airframe),
       prices_(prices),
       distances_(std::move(distances)),
       kernels_(kernels()),
       basis_(packs_ * 5 * kStates * kLanes),
       share_(packs_ * kLanes),
-      offsets_(segments * packs_ * kLimits * kLanes),
+      offsets_(segments * packs_ * limits_ * kLanes),
       distance_(segments * packs_ * kLanes),
       uphill_(segments * packs_ * 3 * kLanes),
       scaled_(segments),
@@ -79,8 +80,8 @@ Problem::Problem(std::size_t segments, std::size_t samples, const Airframe& airf
 void Problem::set_offsets(const double* offsets) {
     for (std::size_t i = 0; i < segments_; ++i)
         for (std::size_t s = 0; s < packs_ * kLanes; ++s) {
-            const double* row = offsets + (i * samples_ + std::min(s, samples_ - 1)) * kLimits;
-            for (std::size_t l = 0; l < kLimits; ++l) offsets_[place(i, s, kLimits, l)] = row[l];
+            const double* row = offsets + (i * samples_ + std::min(s, samples_ - 1)) * limits_;
+            for (std::size_t l = 0; l < limits_; ++l) offsets_[place(i, s, limits_, l)] = row[l];
         }
 }
 
@@ -97,7 +98,7 @@ Samples Problem::samples_of(std::size_t segment, double T) const {
     return {packs_,
             basis_.data(),
             share_.data(),
-            &offsets_[place(segment, 0, kLimits)],
+            &offsets_[place(segment, 0, limits_)],
             &distance_[place(segment, 0)],
             &uphill_[place(segment, 0, 3)],
             T,
@@ -301,12 +302,12 @@ double Problem::evaluate(const double* knots, const double* durations, double* b
 }
 
 void Problem::excess(const double* states, const double* durations, double* out) const {
-    std::vector<double> packed(packs_ * kLimits * kLanes);
+    std::vector<double> packed(packs_ * limits_ * kLanes);
     for (std::size_t i = 0; i < segments_; ++i) {
         const Ends<kAxes> scaled = scaled_ends<kAxes>(states, i, durations[i]);
         kernels_.excess(samples_of(i, durations[i]), airframe_of(i), scaled.row, durations[i], packed.data());
         for (std::size_t s = 0; s < samples_; ++s)
-            for (std::size_t l = 0; l < kLimits; ++l) *out++ = packed[place(0, s, kLimits, l)];
+            for (std::size_t l = 0; l < limits_; ++l) *out++ = packed[place(0, s, limits_, l)];
     }
 }
 

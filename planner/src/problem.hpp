@@ -107,7 +107,7 @@ class Problem {
         return ((segment * packs_ + sample / kLanes) * rows + row) * kLanes + sample % kLanes;
     }
 
-    std::size_t segments_, samples_, packs_;
+    std::size_t segments_, samples_, packs_, limits_;
     Airframe airframe_;
     Prices prices_;
     Distances distances_;

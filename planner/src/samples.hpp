@@ -10,17 +10,11 @@ constexpr int kLanes = 4;      // samples are taken four at a time
 constexpr int kUnknowns = 33;  // of a segment: the states of both its ends (end, order, axis), and log T
 constexpr int kPadded = 36;    // the same in whole packs
 
-enum Limit {
-    kSpeed,
-    kAcceleration,
-    kJerk,
-    kTilt,
-    kRate,
-    kYawRate,
-    kFastest,
-    kSlowest = kFastest + 4,
-    kLimits = kSlowest + 4
-};
+enum Limit { kSpeed, kAcceleration, kJerk, kTilt, kRate, kYawRate, kFastest };
+
+// A fastest and a slowest speed of each rotor. Compiled for four and for eight; of fewer than eight the rest rest.
+constexpr int kMostRotors = 8;
+constexpr int limits_of(int rotors) { return kFastest + 2 * rotors; }
 
 // In the order of planner/optimise/airframe.py. Effort is a rotor's speed squared, in units of its mean at hover.
 struct Airframe {
@@ -28,8 +22,9 @@ struct Airframe {
     double drag_per_thrust, drag_per_speed;  // lateral drag per mass over velocity: c |f| / g + c' |v|
     double lift_axial, lift_lateral;  // thrust per mass at steady rotor speeds: by climb rate, by lateral speed^2
     double inertia[3];
-    double effort_least[4], effort_most[4], effort_hover[4];
-    double mix[4][4];  // effort of each rotor by thrust per mass and by the three torques
+    double effort_least[kMostRotors], effort_most[kMostRotors], effort_hover[kMostRotors];
+    double mix[kMostRotors][4];  // effort of each rotor by thrust per mass and by the three torques
+    int rotors;                  // 4 or 8
 };
 
 struct Prices {

@@ -70,7 +70,7 @@ inline Vec<Real> uphill_at(const Samples& samples, std::size_t pack) {
     return {four(g), four(g + kLanes), four(g + 2 * kLanes)};
 }
 
-template <bool kSlopes>
+template <bool kSlopes, int kRotors>
 inline double cost_of(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                       const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double* by_T) {
     const LimitCost limits{prices.limits * (samples.reference > 0.0 ? samples.reference / T : 1.0)};
@@ -85,8 +85,8 @@ inline double cost_of(const Samples& samples, const Airframe& airframe, const Pr
         Real c, s;
         turn(motion.yaw, c, s);
         Motion<Real> by;
-        const Demand<Real> demand(airframe, motion, c, s);
-        const Real exceeded = limits.density(demand, samples.offsets + p * kLimits * kLanes, by);
+        const Demand<Real, kRotors> demand(airframe, motion, c, s);
+        const Real exceeded = limits.density(demand, samples.offsets + p * limits_of(kRotors) * kLanes, by);
         if (samples.reference > 0.0) by_weight -= share * exceeded;  // what is charged does not grow with the time
         Real density = exceeded;
         density += heading.density(motion, c, s, by);
@@ -115,24 +115,37 @@ inline double cost_of(const Samples& samples, const Airframe& airframe, const Pr
 
 [[gnu::flatten]] double cost_alone(const Samples& samples, const Airframe& airframe, const Prices& prices,
                                    double clearance_m, const double (*scaled)[kAxes], double T) {
-    return cost_of<false>(samples, airframe, prices, clearance_m, scaled, T, nullptr, nullptr);
+    return airframe.rotors == 4
+               ? cost_of<false, 4>(samples, airframe, prices, clearance_m, scaled, T, nullptr, nullptr)
+               : cost_of<false, 8>(samples, airframe, prices, clearance_m, scaled, T, nullptr, nullptr);
 }
 
 [[gnu::flatten]] double cost(const Samples& samples, const Airframe& airframe, const Prices& prices, double clearance_m,
                              const double (*scaled)[kAxes], double T, double (*by_scaled)[kAxes], double& by_T) {
-    return cost_of<true>(samples, airframe, prices, clearance_m, scaled, T, by_scaled, &by_T);
+    return airframe.rotors == 4 ? cost_of<true, 4>(samples, airframe, prices, clearance_m, scaled, T, by_scaled, &by_T)
+                                : cost_of<true, 8>(samples, airframe, prices, clearance_m, scaled, T, by_scaled, &by_T);
 }
 
-[[gnu::flatten]] void excess(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
-                             double* out) {
+template <int kRotors>
+inline void excess_of(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
+                      double* out) {
+    constexpr int kLimits = limits_of(kRotors);
     for (std::size_t p = 0; p < samples.packs; ++p) {
         const Motion<Real> motion = Instants(samples.basis + p * kOrders * kEnds * kLanes, scaled, T).motion();
         Real over[kLimits], c, s;
         turn(motion.yaw, c, s);
-        Demand<Real>(airframe, motion, c, s).excess(over);
+        Demand<Real, kRotors>(airframe, motion, c, s).excess(over);
         for (int limit = 0; limit < kLimits; ++limit)
             for (int l = 0; l < kLanes; ++l) *out++ = over[limit][l];
     }
+}
+
+[[gnu::flatten]] void excess(const Samples& samples, const Airframe& airframe, const double (*scaled)[kAxes], double T,
+                             double* out) {
+    if (airframe.rotors == 4)
+        excess_of<4>(samples, airframe, scaled, T, out);
+    else
+        excess_of<8>(samples, airframe, scaled, T, out);
 }
 
 inline bool any(Real a) { return sum(a) > 0.0; }
@@ -215,7 +228,8 @@ class Squares {
     }
 
   private:
-    static constexpr std::size_t kMost = kLanes * (kLimits + 3);  // rows of four samples: limits, headings, clearance
+    static constexpr std::size_t kMost =
+        kLanes * (limits_of(kMostRotors) + 3);  // rows of four samples: limits, headings, clearance
 
     // Adds a square's gradient, and keeps its slopes (36) for the matrix.
     void keep(double weight, double value, const double* row) {
@@ -259,11 +273,13 @@ class Squares {
     std::size_t kept_ = 0;
 };
 
-void square_limits(const Samples& samples, std::size_t p, const Airframe& airframe, Real price,
-                   const Motion<Real>& motion, Real c, Real s, Squares& squares) {
+template <int kRotors>
+inline void square_limits(const Samples& samples, std::size_t p, const Airframe& airframe, Real price,
+                          const Motion<Real>& motion, Real c, Real s, Squares& squares) {
     const bool fixed = samples.reference > 0.0;
     const Real weight = price * (fixed ? samples.reference : samples.duration);
-    const Demand<Real> demand(airframe, motion, c, s);
+    constexpr int kLimits = limits_of(kRotors);
+    const Demand<Real, kRotors> demand(airframe, motion, c, s);
     Real excess[kLimits];
     demand.excess(excess);
     for (int l = 0; l < kLimits; ++l) {
@@ -293,7 +309,10 @@ void square_limits(const Samples& samples, std::size_t p, const Airframe& airfra
         Real c, s;
         turn(motion.yaw, c, s);
         squares.begin(basis, path);
-        square_limits(samples, p, airframe, share * prices.limits, motion, c, s, squares);
+        if (airframe.rotors == 4)
+            square_limits<4>(samples, p, airframe, share * prices.limits, motion, c, s, squares);
+        else
+            square_limits<8>(samples, p, airframe, share * prices.limits, motion, c, s, squares);
         if (prices.heading > 0.0) {
             Motion<Real> slope;
             const Real value = root(heading.density(motion, c, s, slope) + kFlat * prices.heading);

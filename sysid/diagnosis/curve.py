@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flight import FloatArray, FormatError, InputError, file_format
+from flight.flight_log import MOST_ROTORS
 from sysid.diagnosis.evidence.free_form import EVERY_CHANNEL, LIFT, SHOWN_BY_THRUST, THRUST, UNIT, WORLD, unit
 from sysid.diagnosis.findings import OutsideFinding
 from vehicle import effects
@@ -21,7 +22,7 @@ UNSEEN = {
     "time": "what drifts with time is not known at the next flight; look for what changes (battery, temperature, load)",
     "x": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
     "voltage": "what falls with the battery lies between command and rotor speed: see battery_sag, or log rotor speed",
-    **{f"dc_{i}/dt": "rotors answer commands late: see motor_lag, or log rotor speed" for i in range(4)},
+    **{f"dc_{i}/dt": "rotors answer commands late: see motor_lag, or log rotor speed" for i in range(MOST_ROTORS)},
     "y": "a place in the room says nothing of the vehicle; look for what stands there (a draught, a magnet, a surface)",
 }
 """Variables that a vehicle model cannot see, and where to look instead."""
@@ -70,7 +71,7 @@ READ = {
 for _i, _j in _PAIRS:
     _product = f"flow.velocity_m_s[{_i}] * flow.velocity_m_s[{_j}]"
     READ[f"v_{'xyz'[_i]} v_{'xyz'[_j]}"] = Reading(_product, "oblique")
-for _i in range(4):
+for _i in range(MOST_ROTORS):
     _spin_up = f"flow.rotor_acceleration_rad_s2[{_i}]"
     READ[f"n_{_i}"] = Reading(f"flow.rotor_speed_rad_s[{_i}]", "throttle_steps")
     READ[f"dn_{_i}/dt"] = Reading(_spin_up, "yaw_doublets", "rotor_acceleration_rad_s2")

@@ -11,6 +11,7 @@ from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.result import Identification
 from sysid.estimator.uncertainty.errors import NORMAL_90
 from vehicle import effects
+from vehicle.model import ROTORS
 
 VISIBLE_SIGMAS = -(NormalDist().inv_cdf(THRESHOLDS.chance / 2.0) + NormalDist().inv_cdf(0.1))
 """A size of so many standard errors is called present nine times in ten."""
@@ -35,7 +36,7 @@ def fitted(candidate: Candidate, found: Score, fit: Identification) -> tuple[Siz
 
 def scored(candidate: Candidate, found: Score) -> tuple[Size, ...]:
     """Of one that is not, to first order."""
-    units = {s.name: s.unit for s in effects.find(candidate.effect).parameters}
+    units = {s.name: s.unit for s in effects.find(candidate.effect, ROTORS[1]).parameters}
     return tuple(
         Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
         for n, v, sigma, usual in zip(candidate.parameters, found.size, found.sigma, candidate.usual, strict=True)

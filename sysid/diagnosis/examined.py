@@ -14,12 +14,12 @@ from sysid.diagnosis.evidence.confirm import Judge
 from sysid.diagnosis.evidence.evidence import Evidence
 from sysid.diagnosis.evidence.free_form import (
     DRAG,
-    EVERY_CHANNEL,
     LIFT,
     ROTORS,
     SHOWN_BY_THRUST,
     THRUST,
     WORLD,
+    channels_of,
     of_thrust,
 )
 from sysid.diagnosis.evidence.load import Load
@@ -204,7 +204,7 @@ def _apart_from_thrust(found: Sequence[Outside]) -> float:
 def stated_curve(model: Model) -> Outside | None:
     """The best curve of all, if it is sure enough to be stated."""
     if not model.tried.curve:
-        model.tried.drawn.extend(_curves(model, EVERY_CHANNEL))
+        model.tried.drawn.extend(_curves(model, channels_of(model.fit.vehicle)))
         model.tried.curve.append(_sure_of(model, model.tried.drawn))
     return model.tried.curve[0]
 

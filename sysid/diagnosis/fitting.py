@@ -51,7 +51,7 @@ def refit(logs: Sequence[FlightLog], model: Model, candidate: Candidate, options
 
 def holding_others(options: Options, vehicle: Vehicle, candidate: Candidate) -> Options:
     """Parameters of the same effect that are no part of the candidate stay where they are, unless already found."""
-    own = {f"{candidate.effect}.{s.name}": s for s in effects.find(candidate.effect).parameters}
+    own = {f"{candidate.effect}.{s.name}": s for s in vehicle.effect(candidate.effect).parameters}
     idle = [n for n, s in own.items() if n not in candidate.columns and vehicle.value(n) == (s.default * s.optional)]
     return replace(options, held=tuple(dict.fromkeys((*options.held, *idle))))
 

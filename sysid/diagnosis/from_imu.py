@@ -120,9 +120,9 @@ class ImuDiagnosis:
     def _said(self, name: str) -> str:
         if name != UNEQUAL:
             return name
-        factor = np.array([1.0 - self.vehicle.value(f"{WEAK}.loss_{i}") for i in range(4)])
+        factor = np.array([1.0 - self.vehicle.value(f"{WEAK}.loss_{i}") for i in range(self.vehicle.rotors)])
         share = ", ".join(f"{s:+.1%}" for s in factor / factor.mean() - 1.0)
-        return f"unequal motors (thrust of rotors 0 to 3 against their mean: {share})"
+        return f"unequal motors (thrust of rotors 0 to {len(factor) - 1} against their mean: {share})"
 
     @property
     def confidence(self) -> float:

@@ -25,7 +25,7 @@ from sysid.logs.events import recording
 from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
-from sysid.logs.motors import full_throttle
+from sysid.logs.motors import full_throttle, rotor_count
 from sysid.logs.sensors import low_pass
 from vehicle import Vehicle
 
@@ -59,10 +59,13 @@ def prepare_all(
     """Flights of all logs, one after the other, flown where the models fly; of long ones, chosen segments.
 
     Raises:
-        InputError: a log cannot be used, or the models' gravities differ.
+        InputError: a log cannot be used, has more or fewer rotors than a model, or the models' gravities differ.
     """
     models = list(models)
     gravity_m_s2 = gravity_of(models)
+    for i, log in enumerate(logs):
+        for model in models:
+            rotor_count.require(log, model, str(log.metadata.get("name", f"flight {i}")))
     logs = [full_throttle.by_limit(log, models[0].limits.rotor_speed_max_rad_s) for log in logs]
     long = segments.are_long(logs, options)
     flights = [

@@ -13,7 +13,7 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.predicts import Predicts
 from sysid.logs.check import LogReport
 from vehicle import Vehicle, wrench
-from vehicle.invert import open_air
+from vehicle.forces import open_air
 
 THRUST_UNUSUAL, THRUST_ABSURD = 2.0, 5.0
 """Factors between the fitted thrust and the vehicle file's: a poor data sheet, and no error of a data sheet."""
@@ -157,7 +157,7 @@ THRUST = "thrust"
 
 
 def usual_rotor_speed(flights: Sequence[Flight]) -> FloatArray:
-    """(4,) median over the flights."""
+    """(r,) median over the flights."""
     return np.median(np.concatenate([f.rotor_speed_rad_s for f in flights]), axis=0)
 
 
@@ -169,7 +169,7 @@ def by_nominal_speed(flights: Sequence[Flight]) -> bool:
 def thrust_n(vehicle: Vehicle, speed_rad_s: FloatArray) -> float:
     """Of all rotors, in still air."""
     still = np.zeros((1, 3))
-    return float(wrench(vehicle, still, still, speed_rad_s[None], open_air(1))[0][0, 2])
+    return float(wrench(vehicle, still, still, speed_rad_s[None], open_air(1, vehicle.rotors))[0][0, 2])
 
 
 def _thrust(given: Vehicle, fitted: Vehicle, flights: Sequence[Flight]) -> Verdict:

@@ -10,7 +10,7 @@ from sysid.logs.events.event import SPLITS, UPRIGHT, splits
 from sysid.logs.events.frozen import within
 from sysid.logs.events.repair import Repair
 from sysid.logs.motors import rotor_places
-from sysid.logs.motors.full_throttle import COMMAND, RATIOS
+from sysid.logs.motors.full_throttle import COMMAND, ratios
 from sysid.logs.readers.streams import shifted
 
 
@@ -34,12 +34,17 @@ def apply(log: FlightLog, repair: Repair) -> FlightLog:
             log = FlightLog(columns, {**log.metadata, SPLITS: [list(span) for span in both]})
             return _one_attitude(log, repair)
         case "rotor order":
-            for names in (COLUMNS["rotor_speed_rad_s"], COLUMNS[COMMAND], RATIOS):  # of the same motors, in one order
+            for names in (
+                log.names("rotor_speed_rad_s"),
+                log.names(COMMAND),
+                ratios(log),
+            ):  # of the same motors, in one order
                 if all(name in columns for name in names):
                     columns |= {names[i]: log.columns[names[k]] for i, k in enumerate(repair.order)}
             log = FlightLog(columns, rotor_places.reordered(log.metadata, repair.order))
         case _:
-            for quantity, names in COLUMNS.items():
+            for quantity in COLUMNS:
+                names = log.names(quantity)
                 if log.has(quantity) and set(names) <= set(there):
                     values = _changed(log, quantity, repair)
                     if repair.spans:

@@ -13,7 +13,7 @@ from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.events import recording
 from sysid.logs.events.event import Event
 from sysid.logs.events.repair import Span
-from sysid.logs.motors import full_throttle
+from sysid.logs.motors import full_throttle, rotor_count
 from sysid.logs.readers.read_ulog import LOST
 from vehicle import Vehicle
 
@@ -108,6 +108,8 @@ def examine(log: FlightLog, vehicle: Vehicle | None = None, *, progress: Progres
         if event.repair is not None:
             log = apply(log, event.repair)
     compared, inconclusive = list[Finding](), list[str]()
+    if vehicle is not None and (other := rotor_count.check(log, vehicle)):
+        findings, vehicle = [*findings, *other], None
     if not any(finding.what == "time unit" for finding in findings):
         compared, inconclusive = consistency.check(joined(log), vehicle, progress)
     progress("checking", 0.9)

@@ -135,7 +135,7 @@ def against_all(named: Residuals) -> "Figure":
     The variables stand side by side in the same axes, each over its own range: a panel for each pair of channel and
     variable takes ten times as long to draw.
     """
-    every = [v for v in explained.VARIABLES if v.name != "constant"]
+    every = [v for v in explained.variables(next(iter(named.values()))) if v.name != "constant"]
     read = {name: [explained.read(residuals, v) for v in every] for name, residuals in named.items()}
     reached = [(min(map(np.min, each)), max(map(np.max, each))) for each in zip(*read.values(), strict=True)]
     changed = [i for i, (low, high) in enumerate(reached) if high > low]  # the others show nothing in these flights

@@ -143,8 +143,8 @@ NB_MODULE(_sysid, module) {
            Blocks mean_by, Blocks change_by) {
             nb::gil_scoped_release release;
             std::vector<double> state(by.shape(2) + 2);
-            drive(step_s.data(), command.data(), by.data(), command.shape(0), by.shape(2), rise_s, fall_s, mean.data(),
-                  change.data(), mean_by.data(), change_by.data(), state.data());
+            drive(step_s.data(), command.data(), by.data(), command.shape(0), command.shape(1), by.shape(2), rise_s,
+                  fall_s, mean.data(), change.data(), mean_by.data(), change_by.data(), state.data());
         },
         nb::arg("step_s"), nb::arg("command"), nb::arg("by"), nb::arg("rise_s"), nb::arg("fall_s"), nb::arg("mean"),
         nb::arg("change"), nb::arg("mean_by"), nb::arg("change_by"));

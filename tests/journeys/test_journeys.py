@@ -21,7 +21,7 @@ from flight import FlightLog, flight_log, trajectory
 from sysid.estimator.validation.comparison import HORIZONS_S, QUANTITIES
 from sysid.estimator.validation.protocol import PROTOCOLS
 from tests.journeys import inputs
-from vehicle.invert import open_air
+from vehicle.forces import open_air
 
 PORT = "14561"
 """What the journeys write; a test takes a free one instead."""

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import vehicle
 from flight import FormatError, InputError
-from vehicle import Parameter, commented, draft
+from vehicle import Parameter, commented, draft, layouts
 from vehicle.draft import Known
 from vehicle.importers import import_px4, import_rotorpy, import_urdf
 
@@ -37,7 +37,7 @@ def test_estimates_of_a_known_vehicle_hold_its_values_within_two_standard_deviat
 @given(
     kg_m2=st.floats(5.0, 300.0),
     arm=st.floats(0.05, 0.5),
-    frame=st.sampled_from(draft.FRAMES),
+    frame=st.sampled_from(layouts.FRAMES),
     loading=st.floats(0.4, 1.2),
 )
 def test_every_sensible_data_sheet_gives_a_vehicle_that_can_hover_and_its_file_reads_back(
@@ -46,7 +46,7 @@ def test_every_sensible_data_sheet_gives_a_vehicle_that_can_hover_and_its_file_r
     mass = kg_m2 * (loading * arm) ** 2  # the example vehicle weighs 43 times the square of its propellers' diameter
     made = draft.draft(sheet(mass, arm, loading * arm, frame))
     k = made.value("thrust_quadratic.k_n_s2")
-    hover = np.sqrt(mass * 9.80665 / (4.0 * k))
+    hover = np.sqrt(mass * 9.80665 / (made.rotors * k))
     assert made.limits.rotor_speed_min_rad_s < hover < made.limits.rotor_speed_max_rad_s
     inertia = [made.value(f"inertia_{a}_kg_m2") for a in ("xx", "yy", "zz")]
     assert inertia[2] <= inertia[0] + inertia[1]  # true of every rigid body
@@ -62,8 +62,8 @@ def test_a_known_hover_speed_lifts_exactly_the_weight():
     assert 4.0 * made.value("thrust_quadratic.k_n_s2") * 951.0**2 == pytest.approx(0.7 * 9.80665, rel=1e-3)
 
 
-def test_both_frames_put_the_hubs_on_a_circle_counter_clockwise_with_neighbours_turning_opposite_ways():
-    for frame in draft.FRAMES:
+def test_flat_frames_put_the_hubs_on_a_circle_counter_clockwise_with_neighbours_turning_opposite_ways():
+    for frame in ("x", "+", "hex", "hex+", "octo", "octo+"):
         hubs, spin = draft.layout(0.2, frame)
         assert np.allclose(np.linalg.norm(hubs, axis=1), 0.2, atol=1e-6)
         turn = np.cross(hubs[:, :2], np.roll(hubs[:, :2], -1, axis=0))
@@ -116,7 +116,7 @@ def test_px4_rotors_come_in_its_order_with_y_to_the_left(tmp_path):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (("CA_ROTOR_COUNT	4", "CA_ROTOR_COUNT	6"), "only quadrotors"),
+        (("CA_ROTOR_COUNT	4", "CA_ROTOR_COUNT	3"), "4 to 8 rotors"),
         (("-0.05", "0.05"), "two of each sign"),
         (("CA_ROTOR", "XX_ROTOR"), "has no CA_ROTOR0_PX"),
         (("0.09", "nan"), "four different places"),

@@ -49,7 +49,7 @@ def test_a_model_without_rotors_asks_for_the_arm(tmp_path):
     assert "no four motors" in known.notes[0]
 
 
-def test_tilted_rotors_are_refused(tmp_path):
+def test_rotors_that_push_aside_are_refused_and_a_lean_of_px4_is_kept(tmp_path):
     with pytest.raises(InputError, match="pushes along"):
         _read(tmp_path, X2.replace('gear="0 0 1 0 0 -.02"', 'gear="0 0.3 1 0 0 -.02"', 1))
     places = [(0.1, 0.1), (-0.1, -0.1), (0.1, -0.1), (-0.1, 0.1)]
@@ -58,7 +58,10 @@ def test_tilted_rotors_are_refused(tmp_path):
     (tmp_path / "p.params").write_text("".join(lines))
     assert import_px4.read(tmp_path / "p.params").hub_body_m is not None
     (tmp_path / "p.params").write_text("".join([*lines, "CA_ROTOR0_AX 0.3\n"]))
-    with pytest.raises(InputError, match="along body z"):
+    axis = import_px4.read(tmp_path / "p.params").axis_body
+    np.testing.assert_allclose(axis, [[0.3 / 1.09**0.5, 0.0, 1.0 / 1.09**0.5], *[[0.0, 0.0, 1.0]] * 3])
+    (tmp_path / "p.params").write_text("".join([*lines, "CA_ROTOR0_AX 2.0\n"]))
+    with pytest.raises(InputError, match="push upwards"):
         import_px4.read(tmp_path / "p.params")
 
 

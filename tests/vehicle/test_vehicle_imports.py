@@ -128,10 +128,10 @@ def test_an_affine_thrust_curve_lifts_the_weight_at_the_same_speed(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.param", "FRAME_CLASS,2\n", "FRAME_CLASS"),
+        ("a.param", "FRAME_CLASS,7\n", "FRAME_CLASS"),
         ("a.param", "FRAME_CLASS,1\nFRAME_TYPE,77\n", "FRAME_TYPE"),
         ("a.txt", "hello", "diff all"),
-        ("a.txt", DIFF.format(mixer="mixer HEX6", reversed="OFF"), "HEX6"),
+        ("a.txt", DIFF.format(mixer="mixer HEX6H", reversed="OFF"), "HEX6H"),
         ("a.toml", "a = 1\n", "no vehicle"),
         ("a.toml", "[", "TOML"),
         ("a.toml", DRONE.format(linear=0.0) + DRONE.format(linear=0.0).replace("[cf]", "[cf2]"), "cf, cf2"),

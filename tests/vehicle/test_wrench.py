@@ -62,7 +62,7 @@ def test_the_compiled_inverse_agrees_with_the_plain_one():
     force, torque = vehicle.wrench(v, velocity, rate, speed)
     wanted = np.column_stack([force[:, 2], torque])
     start = np.full((40, 4), 700.0)
-    plain = invert.rotor_speeds_numpy(v, wanted, velocity, rate, start.copy(), invert.open_air(40))
+    plain = invert.rotor_speeds_numpy(v, wanted, velocity, rate, start.copy(), forces.open_air(40))
     fast = invert.rotor_speeds(v, force[:, 2], torque, velocity, rate, guess_rad_s=start)
     np.testing.assert_allclose(fast, plain, atol=1e-7)
     np.testing.assert_allclose(fast, speed, atol=1e-6)

@@ -7,6 +7,7 @@ import importlib.util
 import os
 import pkgutil
 from collections.abc import Iterable
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -44,8 +45,8 @@ def catalogue() -> dict[str, Effect]:
     return {effect.name: effect for effect in sorted(found, key=lambda e: (e.number, e.name))}
 
 
-def find(name: str) -> Effect:
-    """The effect of this name: the user's own first, then the catalogue.
+def find(name: str, rotors: int = 4) -> Effect:
+    """The effect of this name, as on a vehicle of so many rotors: the user's own first, then the catalogue.
 
     Raises:
         InputError: there is none.
@@ -54,7 +55,13 @@ def find(name: str) -> Effect:
     if effect is None:
         known = [*_registered, *catalogue()]
         raise InputError(f"there is no effect named {name!r}; {hint(name, known, 'goshawk vehicle schema')}")
-    return effect
+    return effect if rotors == 4 or effect.each_rotor is None else _of_rotors(effect, rotors)
+
+
+@cache
+def _of_rotors(effect: Effect, rotors: int) -> Effect:
+    assert effect.each_rotor is not None
+    return replace(effect, parameters=effect.each_rotor(rotors))
 
 
 def hint(name: str, known: Iterable[str], verb: str) -> str:

@@ -1,7 +1,7 @@
 """What an effect is: a small function that adds to a flow, with parameters, a source and the manoeuvres that excite it.
 
-Arrays inside effects keep their components first and the instants last, `(3, n)` and `(4, n)`, so that formulas
-read as in the papers (`v_x, v_y, v_z = flow.velocity_m_s`) and a parameter may be one number or one per instant.
+Arrays inside effects keep their components first and the instants last, `(3, n)` and, of r rotors, `(r, n)`, so that
+formulas read as in the papers (`v_x, v_y, v_z = flow.velocity_m_s`); a parameter may be one number or one per instant.
 Every function must also accept complex numbers (derivatives are checked by complex steps): use `magnitude`,
 `length`, `positive` and `clipped` of this module instead of `abs`, `norm`, `maximum` and `clip`.
 """
@@ -56,16 +56,16 @@ class RigidBody:
 
 @dataclass(slots=True)
 class Drive:
-    """The four motors. Effects change `command_rad_s` (stage COMMAND) or set `acceleration_rad_s2` (stage DRIVE)."""
+    """The motors. Effects change `command_rad_s` (stage COMMAND) or set `acceleration_rad_s2` (stage DRIVE)."""
 
     command_rad_s: Array
-    """(4, n) commanded rotor speed."""
+    """(r, n) commanded rotor speed."""
     speed_rad_s: Array
-    """(4, n) rotor speed."""
+    """(r, n) rotor speed."""
     battery_v: Any
     """Battery voltage, a number or (n,)."""
     acceleration_rad_s2: Array | None = None
-    """(4, n) rotor acceleration, or None: the rotors follow the command at once."""
+    """(r, n) rotor acceleration, or None: the rotors follow the command at once."""
 
 
 @dataclass(slots=True)
@@ -91,11 +91,11 @@ class Flow:
     rate_rad_s: Array
     """(3, n) body rate."""
     rotor_speed_rad_s: Array
-    """(4, n), positive for every rotor whatever its spin."""
+    """(r, n), positive for every rotor whatever its spin."""
     hub_m: Array
-    """(3, 4, n or 1) hubs from the centre of mass, body axes."""
+    """(3, r, n or 1) hubs from the centre of mass, body axes."""
     spin: Array
-    """(4, 1): +1 turns counter-clockwise seen from above, -1 clockwise."""
+    """(r, 1): +1 turns counter-clockwise seen from above, -1 clockwise."""
     radius_m: Any
     """Rotor radius."""
     air_density_kg_m3: Any
@@ -106,27 +106,37 @@ class Flow:
     ceiling_gap_m: Array | None = None
     """(n,) free height above the hubs, when the caller gave it."""
     rotor_acceleration_rad_s2: Array | None = None
-    """(4, n), when the caller gave it."""
+    """(r, n), when the caller gave it."""
+    tilt: Array | None = None
+    """(3, 3, r) rotation from each rotor's axes, z along its thrust, to body axes; None: all thrust along body z."""
     thrust_n: Array = field(init=False)
-    """(4, n) sum so far of the thrust of each rotor along body z, at its hub."""
+    """(r, n) sum so far of the thrust of each rotor along its axis, at its hub."""
     hub_force_n: Array = field(init=False)
-    """(3, 4, n) sum so far of other forces that act at the hubs, body axes."""
+    """(3, r, n) sum so far of other forces that act at the hubs, in each rotor's axes."""
     force_n: Array = field(init=False)
     """(3, n) sum so far of forces at the centre of mass, body axes."""
     torque_n_m: Array = field(init=False)
     """(3, n) sum so far of torques, body axes."""
 
     def __post_init__(self) -> None:
-        n = self.velocity_m_s.shape[-1]
+        rotors, n = len(self.rotor_speed_rad_s), self.velocity_m_s.shape[-1]
         dtype = np.result_type(self.velocity_m_s, self.hub_m)
-        self.thrust_n = np.zeros((4, n), dtype)
-        self.hub_force_n = np.zeros((3, 4, n), dtype)
+        self.thrust_n = np.zeros((rotors, n), dtype)
+        self.hub_force_n = np.zeros((3, rotors, n), dtype)
         self.force_n = np.zeros((3, n), dtype)
         self.torque_n_m = np.zeros((3, n), dtype)
 
     def hub_velocity_m_s(self) -> Array:
-        """(3, 4, n) velocity of each hub relative to the air, body axes."""
-        return self.velocity_m_s[:, None] + cross(self.rate_rad_s[:, None], self.hub_m)
+        """(3, r, n) velocity of each hub relative to the air, in its rotor's axes."""
+        body = self.velocity_m_s[:, None] + cross(self.rate_rad_s[:, None], self.hub_m)
+        return body if self.tilt is None else np.einsum("jir,jrn->irn", self.tilt, body)
+
+    def add_rotor_torque(self, axis: int, coefficient: Any, of_rotors: Array) -> None:
+        """Add `coefficient` times (r, n), each about the x, y or z (`axis` 0, 1, 2) of its rotor's own axes."""
+        if self.tilt is None:
+            self.torque_n_m[axis] += coefficient * of_rotors.sum(axis=0)
+        else:
+            self.torque_n_m += coefficient * np.einsum("ir,rn->in", self.tilt[:, axis], of_rotors)
 
 
 Scaling = tuple[float, float, float]
@@ -214,6 +224,8 @@ class Effect:
     """Which of `q_world_body`, `height_m`, `ceiling_gap_m`, `rotor_acceleration_rad_s2` it reads."""
     strength: tuple[str, ...] = ()
     """Parameters that make it vanish at zero; empty: all of them. The others mean nothing while these are zero."""
+    each_rotor: Callable[[int], tuple[Spec, ...]] | None = None
+    """The parameters on a vehicle of so many rotors, for an effect that has one for each; `parameters` are four's."""
     separate: bool = False
     """Whether each parameter is an effect to look for by itself: one rotor is weak, not a mixture of all."""
     between_flights: bool = False

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FormatError, InputError, errors
+from vehicle import layouts
 from vehicle.draft import Known
 
 LARGEST_BYTES = 4_000_000
@@ -17,15 +18,21 @@ _SPIN = (-1.0, 1.0, 1.0, -1.0)
 """Motor 1 turns clockwise seen from above unless `yaw_motors_reversed` is on."""
 
 
+_MORE = {
+    "quadp": "+", "hex6": "hex+", "hex6x": "hex", "octoflatp": "octo+", "octoflatx": "octo", "octox8": "x8", "y6": "y6",
+}  # fmt: skip
+"""Other mixers, and the name of the layout."""
+
+
 def is_betaflight(text: str) -> bool:
     return "# Betaflight /" in text[:4096] or "# INAV/" in text[:4096]
 
 
 def read(path: Path) -> Known:
-    """Order and spins of motors 1 to 4; places on arms of 1 m, to be scaled by `--arm`.
+    """Order and spins of the motors; places on arms of 1 m, to be scaled by `--arm`.
 
     Raises:
-        InputError: another mixer than QUADX.
+        InputError: another mixer than QUADX, HEX6X and others of `layouts`.
         FormatError: it is no such text.
     """
     path = Path(path)
@@ -34,9 +41,12 @@ def read(path: Path) -> Known:
         raise FormatError(f"{path} is no output of `diff all`: its head names no Betaflight")
     words = [line.split() for line in text.lower().splitlines()]
     mixer = next((line[1] for line in words if len(line) == 2 and line[0] == "mixer"), "quadx")
-    if mixer not in ("quadx", "quadx_1234"):
-        raise InputError(f"{path} has mixer {mixer.upper()}; only QUADX can be modelled: give --arm and --frame")
     settings = {line[1]: line[3] for line in words if len(line) >= 4 and line[0] == "set" and line[2] == "="}
+    if mixer in _MORE:
+        return _of_more(path, mixer, words, settings.get("yaw_motors_reversed") == "on")
+    if mixer not in ("quadx", "quadx_1234"):
+        known = ", ".join(name.upper() for name in ("quadx", *_MORE))
+        raise InputError(f"{path} has mixer {mixer.upper()}; {known} can be modelled: give --arm and --frame")
     spin = np.array(_SPIN) * (-1.0 if settings.get("yaw_motors_reversed") == "on" else 1.0)
     places = np.array(_PLACES) / np.sqrt(2.0)
     # 1234: front left, front right, rear right, rear left
@@ -47,6 +57,19 @@ def read(path: Path) -> Known:
     full, untold = full_stick(words)
     notes = (note, f"{path.name} tells no turn rate at full stick for {', '.join(untold)}") if untold else (note,)
     return Known(hub_body_m=hubs, spin=spin[order], arm_known=False, full_stick_rad_s=full, notes=notes)
+
+
+def _of_more(path: Path, mixer: str, words: list[list[str]], reversed_: bool) -> Known:
+    hubs, spin = layouts.find(_MORE[mixer], "betaflight").geometry(1.0)
+    turned = "reversed" if reversed_ else "not reversed"
+    note = (
+        f"rotors 0 to {len(spin) - 1} are motors 1 to {len(spin)} of {path.name}, mixer {mixer.upper()}, "
+        f"yaw_motors_reversed {turned}: check"
+    )
+    full, untold = full_stick(words)
+    notes = (note, f"{path.name} tells no turn rate at full stick for {', '.join(untold)}") if untold else (note,)
+    turns = -spin if reversed_ else spin
+    return Known(hub_body_m=hubs, spin=turns, arm_known=False, full_stick_rad_s=full, notes=notes)
 
 
 def full_stick(words: list[list[str]]) -> tuple[tuple[float, float, float] | None, list[str]]:

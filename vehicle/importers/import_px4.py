@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from flight import FormatError, InputError, errors
-from vehicle.draft import Known
+from vehicle.draft import COUNTS, Known
+from vehicle.model import ROTORS
+from vehicle.model import UPRIGHT as LEAST_UPRIGHT
 
 GENERIC_KM = 0.05
 """PX4's default ratio of torque to thrust, which is not a measured value."""
@@ -22,7 +24,7 @@ def read(path: Path) -> Known:
     """Rotors of a PX4 vehicle, in PX4's order of motors (as its logs have them).
 
     Raises:
-        InputError: no such file, or not four rotors.
+        InputError: no such file, or not four to eight rotors.
         FormatError: it holds no parameters.
     """
     values = parameters(path)
@@ -33,33 +35,54 @@ def read(path: Path) -> Known:
         raise InputError(
             f"{path} has no CA_ROTOR0_PX: its PX4 is older than 1.13 or geometry was never set; give --arm and --frame"
         )
-    if count is not None and int(count) != 4:
-        raise InputError(f"{path} has CA_ROTOR_COUNT = {count:g}; only quadrotors, of 4 rotors, can be modelled")
+    rotors = 4 if count is None else int(count)
+    if not ROTORS[0] <= rotors <= ROTORS[1]:
+        raise InputError(f"{path} has CA_ROTOR_COUNT = {count:g}; {ROTORS[0]} to {ROTORS[1]} rotors can be modelled")
     # parameters at PX4's defaults are not saved: 0 for places
-    places = [[values.get(f"CA_ROTOR{i}_P{axis}", 0.0) for axis in "XYZ"] for i in range(4)]
-    hubs = np.array(places) * [1.0, -1.0, -1.0]
-    if len(np.unique(np.round(hubs, 6), axis=0)) < 4 or not np.isfinite(hubs).all():
-        raise InputError(f"{path}: CA_ROTOR0_PX ... CA_ROTOR3_PY are not four different places; give --arm and --frame")
-    axes = np.array([[values.get(f"CA_ROTOR{i}_A{a}", -1.0 if a == "Z" else 0.0) for a in "XYZ"] for i in range(4)])
-    if (axes[:, 2] > -UPRIGHT * np.linalg.norm(axes, axis=1)).any():
+    places = [[values.get(f"CA_ROTOR{i}_P{axis}", 0.0) for axis in "XYZ"] for i in range(rotors)]
+    hubs, last = np.array(places) * [1.0, -1.0, -1.0], rotors - 1
+    if len(np.unique(np.round(hubs, 6), axis=0)) < rotors or not np.isfinite(hubs).all():
         raise InputError(
-            f"{path}: CA_ROTOR*_AX, _AY, _AZ are {axes.tolist()}; only rotors that push along body z can be modelled"
+            f"{path}: CA_ROTOR0_PX ... CA_ROTOR{last}_PY are not {COUNTS.get(rotors, rotors)} different places; give "
+            "--arm and --frame"
         )
-    moment = np.array([values.get(f"CA_ROTOR{i}_KM", GENERIC_KM) for i in range(4)])
-    if (moment == 0.0).any() or abs(np.sign(moment).sum()) == 4:
-        raise InputError(f"{path}: CA_ROTOR0_KM ... CA_ROTOR3_KM are {moment.tolist()}; two of each sign are expected")
+    axis = _axes(path, values, rotors)
+    moment = np.array([values.get(f"CA_ROTOR{i}_KM", GENERIC_KM) for i in range(rotors)])
+    if (moment == 0.0).any() or abs(np.sign(moment).sum()) == rotors:
+        some = "two of each sign" if rotors == 4 else "some of each sign"
+        raise InputError(f"{path}: CA_ROTOR0_KM ... CA_ROTOR{last}_KM are {moment.tolist()}; {some} are expected")
     size_m = float(np.abs(moment).mean())
     measured = not np.allclose(np.abs(moment), GENERIC_KM)
     return Known(
         hub_body_m=hubs + 0.0,
         spin=np.sign(moment),
+        axis_body=axis,
         yaw_torque_to_thrust_m=size_m if measured else None,
         notes=_notes(Path(path).name, hubs, measured),
     )
 
 
+def _axes(path: Path, values: dict[str, float], rotors: int) -> np.ndarray | None:
+    """(r, 3) unit thrust axes in our body axes; None where all are along body z.
+
+    Raises:
+        InputError: an axis has no length, or is far from upright.
+    """
+    down = {"X": 0.0, "Y": 0.0, "Z": -1.0}
+    axes = np.array([[values.get(f"CA_ROTOR{i}_A{a}", down[a]) for a in "XYZ"] for i in range(rotors)])
+    size = np.linalg.norm(axes, axis=1)
+    if not (size > 0.0).all() or (axes[:, 2] > -LEAST_UPRIGHT * size).any():
+        raise InputError(
+            f"{path}: CA_ROTOR*_AX, _AY, _AZ are {axes.tolist()}; only rotors that push upwards, by {LEAST_UPRIGHT:g} "
+            "of their thrust or more, can be modelled"
+        )
+    if (axes[:, 2] <= -UPRIGHT * size).all():
+        return None
+    return axes / size[:, None] * [1.0, -1.0, -1.0] + 0.0
+
+
 def _notes(name: str, hubs: np.ndarray, measured: bool) -> tuple[str, ...]:
-    notes = [f"rotors 0 to 3 are PX4's motors 1 to 4 of {name}"]
+    notes = [f"rotors 0 to {len(hubs) - 1} are PX4's motors 1 to {len(hubs)} of {name}"]
     arms = np.hypot(hubs[:, 0], hubs[:, 1])
     if np.allclose(np.abs(hubs[:, :2]), 0.15, atol=1e-3) or (np.ptp(arms) < 1e-6 and arms[0] > 0.6):
         notes.append("the places of the rotors look like PX4's generic ones: measure one arm and give --arm")

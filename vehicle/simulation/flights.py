@@ -14,7 +14,7 @@ from vehicle.simulation.simulate import CALM, Fleet, Wind
 from vehicle.simulation.tracking import Tracker
 
 Controller = Callable[[Fleet], FloatArray]
-"""Rotor speed commands (m, 4) for a fleet's present state and `time_s`."""
+"""Rotor speed commands (m, r) for a fleet's present state and `time_s`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -25,9 +25,9 @@ class Truth:
     time_s: FloatArray
     """(t,)."""
     rows: FloatArray
-    """(t, m, 17) states; see `vehicle.integrate`."""
+    """(t, m, 13 + r) states; see `vehicle.integrate`."""
     command_rad_s: FloatArray
-    """(t, m, 4) the command held from that instant on."""
+    """(t, m, r) the command held from that instant on."""
     specific_force_body_m_s2: FloatArray
     """(t, m, 3)."""
     wind_world_m_s: FloatArray
@@ -66,7 +66,7 @@ def fly(fleet: Fleet, controller: Controller, duration_s: float, *, period_s: fl
     times = np.empty(count)
     for k in range(count):
         times[k] = fleet.time_s
-        command = np.broadcast_to(controller(fleet), (len(fleet), 4)).copy()
+        command = np.broadcast_to(controller(fleet), (len(fleet), fleet.vehicle.rotors)).copy()
         before = (fleet.rows, command, fleet.wind_world_m_s, fleet.battery_v, fleet.specific_force_body_m_s2)
         fleet.step(command, period_s)
         kept.append(before)
@@ -115,7 +115,7 @@ def measure(
         "rate_body_rad_s": reading.gyroscope_rad_s.T + rng.normal(0.0, noise.gyroscope_rad_s, (count, 3)),
         "specific_force_body_m_s2": reading.accelerometer_m_s2.T
         + rng.normal(0.0, noise.accelerometer_m_s2, (count, 3)),
-        "rotor_speed_rad_s": rows[:, 13:17] + rng.normal(0.0, noise.rotor_speed_rad_s, (count, 4)),
+        "rotor_speed_rad_s": rows[:, 13:] + rng.normal(0.0, noise.rotor_speed_rad_s, (count, v.rotors)),
     }
     if commands:
         vectors["rotor_speed_command_rad_s"] = truth.command_rad_s[:, member]

@@ -1,7 +1,7 @@
 """One integrator, two implementations: the compiled kernel, and NumPy as its reference.
 
-A state is a row of 17: position 0-2 and velocity 3-5 in world axes, q_world_body 6-9, body rate 10-12, rotor
-speed 13-16. The world is a row of 6: wind 0-2, gravity 3, floor height 4, ceiling height 5.
+A state is a row of 13 + r with r rotors: position 0-2 and velocity 3-5 in world axes, q_world_body 6-9, body rate
+10-12, rotor speeds from 13. The world is a row of 6: wind 0-2, gravity 3, floor height 4, ceiling height 5.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -14,7 +14,7 @@ from vehicle.forces import Surroundings
 from vehicle.model import Vehicle
 
 Advance = Callable[[FloatArray, FloatArray, FloatArray, int, float, FloatArray, FloatArray], FloatArray]
-"""advance(world (1 or m, 6), command (1 or m, 4), battery_v (1 or m, 1), steps, step_s, states (m, 17) changed in
+"""advance(world (1 or m, 6), command (1 or m, r), battery_v (1 or m, 1), steps, step_s, states (m, 13 + r) changed in
 place, specific_force (m, 3) filled) -> rotor energy in joules (m,)."""
 
 
@@ -32,7 +32,9 @@ def stepper(vehicle: Vehicle, values: Mapping[str, FloatArray] | None = None, co
     if kernel is not None:
         return _kernel_stepper(kernel, _own_rows(vehicle, kernel, values, count) if values else kernel.values)
     if values:
-        raise InputError("vehicles with effects of the user's own fly with shared values only; fly them one by one")
+        raise InputError(
+            "vehicles with tilted rotors or effects of the user's own fly with shared values only; fly them one by one"
+        )
     kernel = native.for_stepping(vehicle)
     return numpy_stepper(vehicle) if kernel is None else _kernel_stepper(kernel, kernel.values)
 
@@ -72,9 +74,9 @@ def numpy_stepper(vehicle: Vehicle) -> Advance:
             states[:, 6:10] = rotations.normalise(states[:, 6:10])
             _rest_on_ground(world, before, states)
             energy += step_s * power
-        reached, spin_up = dynamics.motor_response(vehicle, command, states[:, 13:17], battery_v[:, 0])
+        reached, spin_up = dynamics.motor_response(vehicle, command, states[:, 13:], battery_v[:, 0])
         if spin_up is None:
-            states[:, 13:17] = reached
+            states[:, 13:] = reached
         k, specific, _ = _derive(vehicle, world, command, battery_v, states)
         carried = (states[:, 2] <= world[:, 4]) & (k[:, 5] <= 0.0)
         weight = rotations.rotate(rotations.conjugate(states[:, 6:10]), np.array([0.0, 0.0, 1.0]) * world[:, 3:4])
@@ -88,7 +90,7 @@ def _derive(
     vehicle: Vehicle, world: FloatArray, command: FloatArray, battery_v: FloatArray, x: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Time derivative of the state, specific force, and the power the rotors put into the air."""
-    q, w, speed = x[:, 6:10], x[:, 10:13], x[:, 13:17]
+    q, w, speed = x[:, 6:10], x[:, 10:13], x[:, 13:]
     reached, spin_up = dynamics.motor_response(vehicle, command, speed, battery_v[:, 0])
     if spin_up is None:
         speed, spin_up = np.broadcast_to(reached, speed.shape), np.zeros_like(speed)
@@ -102,7 +104,7 @@ def _derive(
 
 
 def _rotor_power(vehicle: Vehicle, thrust_n: FloatArray) -> FloatArray:
-    """Momentum theory: lifting takes at least thrust times the air's speed through the disk. (n, 4) to (n,)."""
+    """Momentum theory: lifting takes at least thrust times the air's speed through the disk. (n, r) to (n,)."""
     disk = np.pi * vehicle.value("rotor_radius_m") ** 2 * vehicle.value("air_density_kg_m3")
     lifting = np.maximum(thrust_n, 0.0)
     return (lifting * np.sqrt(lifting / (2.0 * disk))).sum(axis=1) if disk > 0.0 else np.zeros(len(thrust_n))

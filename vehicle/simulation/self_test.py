@@ -11,7 +11,6 @@ import numpy as np
 
 from flight import FloatArray
 from vehicle import dynamics, files, flatness
-from vehicle import effects as registry
 from vehicle.effects.base import Effect, Stage
 from vehicle.forces import Surroundings
 from vehicle.model import Vehicle
@@ -50,8 +49,8 @@ def run(name: str, *, rng: np.random.Generator, base: Vehicle | None = None) -> 
     Args:
         base: the vehicle the effect is added to; the paper's if not given.
     """
-    effect = registry.find(name)
     base = base or files.example()
+    effect = base.effect(name)
     truth = base.with_effect(name, source="planted", **{s.name: s.planted for s in effect.parameters})
     model = _model(effect, truth)
     reading = model(truth)
@@ -111,7 +110,7 @@ def _acceleration_model(effect: Effect, truth: Vehicle) -> Model:
 
 
 def _motion(truth: Vehicle, name: str) -> tuple[FloatArray, Surroundings]:
-    """Air speed, body rate and rotor speed (n, 10) along a manoeuvre, with its surroundings."""
+    """Air speed, body rate and rotor speed (n, 6 + r) along a manoeuvre, with its surroundings."""
     trajectory = manoeuvres.make(name)
     flat = flatness.state(truth, trajectory, trajectory.sample(_SAMPLE_S)[:-1], ground_m=0.0)
     flyable = np.isfinite(flat.rotor_speed_rad_s).all(axis=1)
@@ -134,11 +133,11 @@ def _rotor_speeds(candidate: Vehicle) -> FloatArray:
     time_s = step_s * np.arange(count)
     wave = 850.0 + 150.0 * np.sign(np.sin(2.0 * np.pi * time_s / 0.6))
     volts = np.linspace(16.6, 14.0, count)
-    speed, history = np.full((1, 4), 850.0), np.empty((count, 4))
+    speed, history = np.full((1, candidate.rotors), 850.0), np.empty((count, candidate.rotors))
     for k in range(count):
         for _ in range(5):
-            reached, spin_up = dynamics.motor_response(candidate, np.full((1, 4), wave[k]), speed, volts[k])
-            speed = np.broadcast_to(reached, (1, 4)) if spin_up is None else speed + spin_up * (step_s / 5)
+            reached, spin_up = dynamics.motor_response(candidate, np.full(speed.shape, wave[k]), speed, volts[k])
+            speed = np.broadcast_to(reached, speed.shape) if spin_up is None else speed + spin_up * (step_s / 5)
         history[k] = speed[0]
     return history.ravel() / ROTOR_SPEED_NOISE_RAD_S
 

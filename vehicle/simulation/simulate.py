@@ -27,7 +27,7 @@ class State:
     rotor_speed_rad_s: FloatArray = field(default_factory=lambda: np.zeros(4))
 
     def row(self) -> FloatArray:
-        """(17,) in the kernel's order."""
+        """(13 + r,) in the kernel's order, with r rotors."""
         parts = (
             self.position_world_m,
             self.velocity_world_m_s,
@@ -36,8 +36,9 @@ class State:
             self.rotor_speed_rad_s,
         )
         row = np.concatenate([np.asarray(part, dtype=np.float64).ravel() for part in parts])
-        if row.shape != (17,) or not np.isfinite(row).all():
-            raise InputError("a state needs finite position, velocity, attitude, rate (3, 3, 4, 3) and 4 rotor speeds")
+        sizes = [np.size(part) for part in parts[:4]]
+        if sizes != [3, 3, 4, 3] or not np.isfinite(row).all():
+            raise InputError(f"a state needs finite position, velocity, attitude, rate (3, 3, 4, 3), got {sizes}")
         return row
 
 
@@ -110,6 +111,11 @@ class Fleet:
             raise InputError(f"step_s is {step_s:g}; it must be positive")
         if not states:
             raise InputError("a fleet needs at least one state")
+        for state in states:
+            if np.size(state.rotor_speed_rad_s) != vehicle.rotors:
+                raise InputError(
+                    f"a state has {np.size(state.rotor_speed_rad_s)} rotor speeds; {vehicle.name} has {vehicle.rotors}"
+                )
         m = len(states)
         self.vehicle = vehicle
         self.time_s = 0.0
@@ -124,20 +130,23 @@ class Fleet:
             self._gust = rng.normal(0.0, wind.gust_std_m_s, (m, 3))
             self._world[:, :3] += self._gust
         self._volts = self._battery.voltage(self._drawn_j)  # kept: reading it takes a third of a step
-        held = np.ascontiguousarray(self._rows[:, 13:17])
+        held = np.ascontiguousarray(self._rows[:, 13:])
         self._advance(self._world, held, self._volts[:, None], 0, step_s, self._rows, self._specific_force)
 
     def step(self, rotor_speed_command_rad_s: FloatArray, duration_s: float) -> None:
-        """Hold rotor speed commands, (m, 4) or (4,) for all, for a while; they are clipped to 0 and the fastest speed.
+        """Hold rotor speed commands, (m, r) or (r,) for all, for a while; they are clipped to 0 and the fastest speed.
 
         Raises:
-            InputError: a command is not four finite numbers, or the duration is not positive.
+            InputError: a command is not a finite number for each rotor, or the duration is not positive.
         """
         command = np.atleast_2d(np.array(rotor_speed_command_rad_s, dtype=np.float64))
-        if command.ndim != 2 or command.shape[1] != 4 or len(command) not in (1, len(self._rows)):
-            raise InputError(f"the rotor speed command: expected shape (4,) or ({len(self)}, 4), got {command.shape}")
+        r = self.vehicle.rotors
+        if command.ndim != 2 or command.shape[1] != r or len(command) not in (1, len(self._rows)):
+            raise InputError(
+                f"the rotor speed command: expected shape ({r},) or ({len(self)}, {r}), got {command.shape}"
+            )
         if not np.isfinite(command).all():
-            raise InputError(f"the rotor speed command: expected four finite numbers, got {command[0]}")
+            raise InputError(f"the rotor speed command: expected {r} finite numbers, got {command[0]}")
         if not duration_s > 0.0:
             raise InputError(f"duration_s is {duration_s:g}; it must be positive")
         np.maximum(command, 0.0, out=command)
@@ -162,7 +171,7 @@ class Fleet:
 
     @property
     def rows(self) -> FloatArray:
-        """(m, 17) copy of all states: position, velocity, q_world_body, body rate, rotor speed."""
+        """(m, 13 + r) copy of all states: position, velocity, q_world_body, body rate, rotor speed."""
         return self._rows.copy()
 
     @property
@@ -184,7 +193,7 @@ class Fleet:
 
     @property
     def rotor_speed_rad_s(self) -> FloatArray:
-        return self._rows[:, 13:17].copy()
+        return self._rows[:, 13:].copy()
 
     @property
     def specific_force_body_m_s2(self) -> FloatArray:
@@ -229,7 +238,7 @@ class Plant:
         )
 
     def step(self, rotor_speed_command_rad_s: FloatArray, duration_s: float) -> None:
-        """Hold a rotor speed command (4,) for a while; raises as `Fleet.step`."""
+        """Hold a rotor speed command (r,) for a while; raises as `Fleet.step`."""
         self._fleet.step(rotor_speed_command_rad_s, duration_s)
 
     @property

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import FloatArray, InfeasibleError, Trajectory, rotations
-from vehicle import dynamics, flatness, invert
+from vehicle import allocation, dynamics, flatness
+from vehicle.forces import open_air
 from vehicle.model import Vehicle, rigid_body
 from vehicle.simulation.simulate import Fleet
 
@@ -47,7 +48,7 @@ class Tracker:
         self._lead_rad_s = _lead(believed, flat, period_s)
 
     def __call__(self, fleet: Fleet) -> FloatArray:
-        """Commands (m, 4) for the fleet's present time."""
+        """Commands (m, r) for the fleet's present time."""
         k = min(round(fleet.time_s / self._period_s), self._last)
         f, g = self._flat, self._gains
         q = f.q_world_body[k]
@@ -64,13 +65,13 @@ class Tracker:
 
 
 def _mixer(believed: Vehicle, flat: flatness.FlatState) -> FloatArray:
-    """(n, 4, 4): from small changes of thrust and torque to changes of rotor speed."""
+    """(n, r, 4): from small changes of thrust and torque to changes of rotor speed."""
     velocity = flatness.air_velocity_body(flat)
-    around = invert.open_air(len(velocity))
+    around = open_air(len(velocity), believed.rotors)
     slope = dynamics.wrench_jacobian(
         believed, velocity, flat.rate_body_rad_s, flat.rotor_speed_rad_s, surroundings=around
     ).rotor_speed
-    return np.asarray(np.linalg.inv(slope[:, 2:]), dtype=np.float64)
+    return allocation.by_wrench(believed, slope[:, 2:], flat.rotor_speed_rad_s)
 
 
 def _lead(believed: Vehicle, flat: flatness.FlatState, period_s: float) -> FloatArray:

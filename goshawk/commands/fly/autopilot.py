@@ -15,7 +15,7 @@ from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.procedure import Flight, Hints
 from firmware_bridge.offboard.tracker import Tracker
 from flight import FlightLog, Progress, TrajectoryFile
-from goshawk.commands.fly import offboard
+from goshawk.commands.fly import many_rotors, offboard
 from vehicle import Vehicle
 
 GUARD = "firmware_bridge.autopilot.guard"
@@ -62,7 +62,7 @@ def fly(
         found.flavour.custom_mode >> (16 if found.flavour is PX4 else 0), arms, anchored, model.mass_kg,
         model.gravity_m_s2, where.pose_host, where.pose_port, where.pose_delay_s, clock_port=where.clock_port,
     )  # fmt: skip
-    configuration = controller.parameters_of(model)
+    configuration = controller.parameters_of(many_rotors.as_four(model))
     with GuardProcess(setup.to_json(), module=GUARD) as guard:
         flight = Flight(
             guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
@@ -83,7 +83,9 @@ def _hints(found: settings.Settings, *, arms: bool) -> Hints:
 
 
 def _in_order(model: Vehicle) -> tuple[int, ...]:
-    """Both number motors as Quad X: front right, rear left, front left, rear right."""
+    """Both number motors as Quad X: front right, rear left, front left, rear right; none of more than four."""
+    if model.rotors != 4:
+        return ()
     places = [tuple(math.copysign(1.0, v) for v in hub[:2]) for hub in np.asarray(model.hub_body_m)]
     quad_x = ((1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (-1.0, -1.0))
     return tuple(quad_x.index((x, y)) for x, y in places) if sorted(places) == sorted(quad_x) else (0, 1, 2, 3)

@@ -22,6 +22,7 @@ from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, through
 from firmware_bridge.offboard.tracker import Tracker
 from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
+from goshawk.commands.fly import many_rotors
 from vehicle import Vehicle
 
 IDLE = 0.055
@@ -88,6 +89,11 @@ def rotor_of_motor(model: Vehicle) -> tuple[int, int, int, int]:
     return first, second, third, fourth
 
 
+def motor_of_rotor(model: Vehicle) -> tuple[int, ...]:
+    """Which of Betaflight's motors turns each rotor; none of more than four, whose outputs its blackbox has."""
+    return tuple(int(i) for i in np.argsort(rotor_of_motor(model))) if model.rotors == 4 else ()
+
+
 def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     """Collective force in air at rest over the throttle, the rotors' speed in proportion to the output.
 
@@ -99,7 +105,7 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     throttle = np.linspace(0.02, 1.0, 50)
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
-    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], 4, axis=1))
+    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], model.rotors, axis=1))
     sags = SAG in model.effects
     sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
     return through(throttle, force[:, 2], **sag)
@@ -178,7 +184,7 @@ def fly(
     sinks_us = failsafe_us(model, profile, thrust)
     required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
     require_followable(model, item.trajectory, profile.largest_rad_s, (thrust.force_n(0.0), thrust.force_n(1.0)))
-    configuration = controller.parameters_of(model)
+    configuration = controller.parameters_of(many_rotors.as_four(model))
     arm = checks.arm_mode(found)
     assert arm is not None
     restarted()
@@ -190,7 +196,7 @@ def fly(
     with GuardProcess(setup.to_json()) as guard:
         flight = Flight(
             guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
-            motor_of_rotor=tuple(int(i) for i in np.argsort(rotor_of_motor(model))),
+            motor_of_rotor=motor_of_rotor(model),
         )  # fmt: skip
         return flight.fly(), flight.ended_early
 
@@ -204,6 +210,10 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehi
     Args:
         believed: the vehicle that the firmware was set up for; None: this one.
     """
+    if model.rotors != 4 or model.axis_body is not None:
+        raise InputError(
+            f"{model.name} has {model.rotors} rotors; Betaflight's simulator drives four of QUADX: no rehearsal"
+        )
     motors, set_for = rotor_of_motor(model), believed or model
     sinks_us = failsafe_us(set_for, RateProfile((1.0, 1.0, 1.0)), thrust_map(set_for))
     throttle_us = round(float(np.mean(sinks_us)))

@@ -13,7 +13,7 @@ import vehicle
 from flight import InputError
 from flight.units import RAD_S_PER_RPM
 from goshawk.terminal import console, outputs, words
-from vehicle import Parameter, Vehicle, commented, draft, presets
+from vehicle import Parameter, Vehicle, commented, draft, layouts, presets
 from vehicle.draft import Known
 
 RANGES = {
@@ -30,8 +30,10 @@ RANGES = {
 @click.option("--mass", "mass_kg", type=float, help="Mass ready to fly, battery included, kg.")
 @click.option("--arm", "arm_m", type=float, help="Distance from the centre to a motor, metres.")
 @click.option(
-    "--frame", type=click.Choice(draft.FRAMES), help="Arms to the corners (x) or ahead and aside (+) [default: x]."
-)
+    "--frame", type=click.Choice(layouts.FRAMES),
+    help="Arms between the axes (x, hex, octo), also ahead (+, hex+, octo+), or coaxial (y6, x8) [default: x].",
+)  # fmt: skip
+@click.option("--motor-order", type=click.Choice(list(layouts.FIRMWARES)), help="Number rotors as this firmware does.")
 @click.option(
     "--props-out",
     is_flag=True,
@@ -57,6 +59,7 @@ def new(
     mass_kg: float | None,
     arm_m: float | None,
     frame: str | None,
+    motor_order: str | None,
     props_out: bool,
     diameter_m: float | None,
     hover_rpm: float | None,
@@ -71,6 +74,7 @@ def new(
 
     \b
     goshawk vehicle new my.toml --mass 0.72 --arm 0.125 --prop-diameter 0.127
+    goshawk vehicle new six.toml --frame hex --motor-order ardupilot --mass 1.6 --arm 0.28 --prop-diameter 0.23
     goshawk vehicle new my.toml --import px4.params --mass 0.72 --prop-diameter 0.127
     goshawk vehicle new my.toml --import hummingbird_params.py
 
@@ -91,9 +95,9 @@ def new(
         raise InputError(f"{out} does not end in .toml; call it {out.name}.toml")
     outputs.check(out, overwrite=overwrite)
     known = imported(source) if source is not None else Known()
-    known = with_options(known, mass_kg, arm_m, frame, diameter_m, hover_rpm, max_rpm)
+    known = with_options(known, mass_kg, arm_m, frame, diameter_m, hover_rpm, max_rpm, firmware=motor_order)
     if asks:
-        known = _asked(known, frame)
+        known = _asked(known, frame, motor_order)
     if props_out:
         known = reversed_spins(known)
     made = draft.draft(replace(known, name=name or known.name or out.stem), limits=limits)
@@ -140,6 +144,8 @@ def with_options(
     diameter_m: float | None,
     hover_rpm: float | None,
     max_rpm: float | None,
+    *,
+    firmware: str | None = None,
 ) -> Known:
     """Options override imported values. `--arm` without `--frame` scales an imported geometry."""
     given = {
@@ -170,9 +176,10 @@ def with_options(
         hubs = np.round(known.hub_body_m * (arm_m / own_m), 6)
         known = replace(known, hub_body_m=hubs, arm_known=True, notes=(*known.notes, note))
     elif arm_m is not None:
-        hubs, spin = draft.layout(arm_m, frame or "x")
-        note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {draft.ORDER[frame or 'x']}"
-        known = replace(known, hub_body_m=hubs, arm_known=True, spin=spin, notes=(*known.notes, note))
+        hubs, spin = draft.layout(arm_m, frame or "x", firmware)
+        words = layouts.find(frame or "x", firmware).words
+        note = f"defaults to check against your vehicle: {frame or 'x'} frame; rotors {words}"
+        known = replace(known, hub_body_m=hubs, arm_known=True, spin=spin, axis_body=None, notes=(*known.notes, note))
     elif frame is not None and known.hub_body_m is not None:
         raise click.UsageError("--frame replaces the imported places of the rotors: give --arm too")
     if hover_rpm is not None:
@@ -183,19 +190,20 @@ def with_options(
 def reversed_spins(known: Known) -> Known:
     """All rotors turn the other way than the default, or than another program's file says."""
     spin = -draft.spins(known)
-    note = f"--props-out: all spins reversed, rotors 0 to 3 {', '.join(draft.TURNS[int(s)] for s in spin)}"
+    turns = ", ".join(draft.TURNS[int(s)] for s in spin)
+    note = f"--props-out: all spins reversed, rotors 0 to {len(spin) - 1} {turns}"
     return replace(known, spin=spin, notes=(*known.notes, note))
 
 
-def _asked(known: Known, frame: str | None) -> Known:
+def _asked(known: Known, frame: str | None, firmware: str | None) -> Known:
     """Ask for the data that no formula can estimate."""
     if known.mass_kg is None:
         grams = click.prompt("Mass ready to fly, in grams", type=click.FloatRange(1.0, 1e6), err=True)
         known = with_options(known, grams / 1000.0, None, None, None, None, None)
     if known.hub_body_m is None or not known.arm_known:
-        frame = frame or click.prompt("Frame", type=click.Choice(draft.FRAMES), default="x", err=True)
+        frame = frame or click.prompt("Frame", type=click.Choice(layouts.FRAMES), default="x", err=True)
         arm = click.prompt("From the centre to a motor, in millimetres", type=click.FloatRange(1.0, 1e4), err=True)
-        known = with_options(known, None, arm / 1000.0, frame, None, None, None)
+        known = with_options(known, None, arm / 1000.0, frame, None, None, None, firmware=firmware)
     if known.rotor_radius_m is None:
         inches = click.prompt("Propeller diameter, in inches", type=click.FloatRange(0.1, 100.0), err=True)
         known = with_options(known, None, None, None, 0.0254 * inches, None, None)

@@ -109,7 +109,7 @@ def require_missing(name: str, vehicle: Vehicle) -> None:
     Raises:
         InputError: there is no such effect, or the vehicle has it already.
     """
-    effect = effects.find(name.split("[")[0])
+    effect = vehicle.effect(name.split("[")[0])
     if name not in (effect.name, *_names(effect)):
         raise InputError(f"{name!r} is not among the candidates of {effect.name}: {', '.join(_names(effect))}")
     if effect.name in vehicle.effects:
@@ -118,7 +118,7 @@ def require_missing(name: str, vehicle: Vehicle) -> None:
 
 def _known(vehicle: Vehicle) -> list[Effect]:
     own = [effects.load_file(path) for path in vehicle.effect_files]
-    return [*effects.catalogue().values(), *own]
+    return [*(vehicle.effect(name) for name in effects.catalogue()), *own]
 
 
 def _at_rest(effect: Effect) -> dict[str, float]:
@@ -241,7 +241,7 @@ def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
 
 def added(vehicle: Vehicle, candidate: Candidate, values: Sequence[float]) -> Vehicle:
     """The vehicle with a candidate made part of it, at these values clipped to their bounds."""
-    effect = effects.find(candidate.effect)
+    effect = vehicle.effect(candidate.effect)
     start = {s.name: s for s in effect.parameters}
     given = {
         name.split(".")[1]: float(np.clip(value, *start[name.split(".")[1]].bounds))

@@ -30,13 +30,19 @@ def shares(residuals: Sequence[Residual], unseen: Sequence[Residual] = ()) -> tu
     left = np.concatenate([r.means() for r in both])
     fold = _folds(residuals, unseen)
     names, columns = [], []
-    for variable in VARIABLES:
+    for variable in variables(both):
         values = read(both, variable)
         family = curves_of(variable, values)
         if family is not None:
             names.append(variable.name)
             columns.append(_unseen(family.basis(values), _bends(family), left, fold))
     return tuple(names), np.stack(columns, axis=1)
+
+
+def variables(residuals: Sequence[Residual]) -> tuple[Variable, ...]:
+    """Those that the flights' vehicle has."""
+    rotors = residuals[0].flight.rotor_speed_rad_s.shape[1]
+    return tuple(v for v in VARIABLES if v.rotor < rotors)
 
 
 def judged_how(residuals: Sequence[Residual], unseen: Sequence[Residual] = ()) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flight import rotations
+from flight.flight_log import MOST_ROTORS
 from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight, IndexArray
 from sysid.estimator.motors import motor
@@ -45,6 +46,8 @@ class Variable:
     """(k,) its value in the middle of each interval."""
     functions: int
     """How many B-splines span its range."""
+    rotor: int = -1
+    """Which one it is of; -1: none."""
     of_commands: bool = False
     """Whether it says something only where rotor speed is simulated from commands."""
 
@@ -67,9 +70,9 @@ VARIABLES: tuple[Variable, ...] = (
     *(Variable(f"v_{'xyz'[i]} v_{'xyz'[j]}", "m2/s2", _product(i, j), 4) for i, j in ((0, 1), (0, 2), (1, 2))),
     Variable("speed", "m/s", lambda flight, mid: np.linalg.norm(mid.velocity_body_m_s, axis=1), 5),
     *(Variable(f"w_{a}", "rad/s", _axis("rate_body_rad_s", i), 4) for i, a in enumerate("xyz")),
-    *(Variable(f"n_{i}", "rad/s", _rotor(i), 9) for i in range(4)),
-    *(Variable(f"dn_{i}/dt", "rad/s2", _spin_up(i), 4) for i in range(4)),
-    *(Variable(f"dc_{i}/dt", "rad/s2", _command_rate(i), 4, of_commands=True) for i in range(4)),
+    *(Variable(f"n_{i}", "rad/s", _rotor(i), 9, rotor=i) for i in range(MOST_ROTORS)),
+    *(Variable(f"dn_{i}/dt", "rad/s2", _spin_up(i), 4, rotor=i) for i in range(MOST_ROTORS)),
+    *(Variable(f"dc_{i}/dt", "rad/s2", _command_rate(i), 4, i, of_commands=True) for i in range(MOST_ROTORS)),
     Variable("voltage", "V", lambda flight, mid: flight.battery_v, 5, of_commands=True),
     Variable("heading", "rad", lambda flight, mid: rotations.yaw(mid.q_world_body), 5),
 )
@@ -86,7 +89,7 @@ class RotorVariable:
     name: str
     unit: str
     read: Callable[[Flight, Middle, Vehicle], FloatArray]
-    """(k, 4) its value in the middle of each interval."""
+    """(k, r) its value in the middle of each interval."""
     functions: int
 
 
@@ -131,11 +134,9 @@ THRUST = "T"
 """Thrust of every rotor, by one law for all: a curve is the share of its thrust that a rotor gains or loses. It shows
 in F_z, and by the arms in M_x and M_y, as no curve of a single channel does. (Drag that grows with thrust follows too,
 by far less.)"""
-ROTORS = tuple(f"{THRUST}_{i}" for i in range(4))
-"""The same of one rotor alone, against its own speed."""
+ROTORS = tuple(f"{THRUST}_{i}" for i in range(MOST_ROTORS))
+"""The same of one rotor alone, against its own speed; a vehicle has the first few of them."""
 OF_THRUST = (*ROTORS_OWN, "v_z", "speed", "height")
-LOSSES = tuple(f"weak_rotor.loss_{i}" for i in range(4))
-"""Parameters whose derivatives say what a share of a rotor's thrust does."""
 SHOWN_BY_THRUST = ("F_z", "M_x", "M_y")
 
 LIFT = "L"
@@ -154,6 +155,16 @@ EVERY_CHANNEL = (*CHANNELS, *WORLD, THRUST, *ROTORS, LIFT)
 DRAG = "drag"
 """Level force along both axes of the body by one law for both: what forms of drag are made of. It is asked what a drag
 in the model leaves of its own physics, which a curve along one axis cannot take over from it; it is never named."""
+
+
+def losses(vehicle: Vehicle) -> tuple[str, ...]:
+    """Parameters whose derivatives say what a share of a rotor's thrust does."""
+    return tuple(f"weak_rotor.loss_{i}" for i in range(vehicle.rotors))
+
+
+def channels_of(vehicle: Vehicle) -> tuple[str, ...]:
+    """Those of `EVERY_CHANNEL` that a vehicle has."""
+    return tuple(name for name in EVERY_CHANNEL if name not in ROTORS[vehicle.rotors :])
 
 
 def belongs(variable: str, channel: str) -> bool:
@@ -231,7 +242,7 @@ def curves(flights: Sequence[Flight], states: Sequence[States], vehicle: Vehicle
         if family is not None:
             found.append(family)
     by_command = any(f.driven_by_command for f in flights)
-    for variable in (v for v in VARIABLES if by_command or not v.of_commands):
+    for variable in (v for v in VARIABLES if (by_command or not v.of_commands) and v.rotor < vehicle.rotors):
         values = np.concatenate([variable.read(f, m) for f, m in zip(driven, mids, strict=True)])
         family = curves_of(variable, values)
         if family is not None:
@@ -277,8 +288,8 @@ def accelerations(
     if channel == LIFT:
         by_gain = slopes_along(vehicle, (GAIN,), flight, mid).parameters
         return which, by_gain[:, which] * columns(curves_, flight, mid)[:, None]
-    by_share = -slopes_along(vehicle, LOSSES, flight, mid).parameters
-    rotors = range(4) if channel == THRUST else [int(channel[2])]
+    by_share = -slopes_along(vehicle, losses(vehicle), flight, mid).parameters
+    rotors = range(vehicle.rotors) if channel == THRUST else [int(channel[2])]
     drawn = [by_share[:, which, i, None] * _of_rotor(i, curves_, flight, mid, vehicle)[:, None] for i in rotors]
     return which, np.sum(drawn, axis=0)
 

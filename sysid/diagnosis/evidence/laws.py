@@ -9,7 +9,7 @@ from flight.rotations import FloatArray
 from sysid.diagnosis.evidence import free_form
 from sysid.diagnosis.evidence.evidence import Moved
 from sysid.diagnosis.evidence.forms import Form
-from sysid.diagnosis.evidence.free_form import GAIN, LIFT, LOSSES, ROTORS_OWN, THRUST, VARIABLE, Curve, of_thrust
+from sysid.diagnosis.evidence.free_form import GAIN, LIFT, ROTORS_OWN, THRUST, VARIABLE, Curve, losses, of_thrust
 from sysid.estimator.flights.flight_data import Flight, IndexArray
 from sysid.estimator.motors import motor
 from sysid.estimator.result import CHANNELS
@@ -39,7 +39,7 @@ class Law:
 
 
 def read(axis: Axis, flight: Flight, mid: Middle, vehicle: Vehicle) -> FloatArray:
-    """(k,), or (k, 4) where each rotor has its own, the variable in the middle of each interval."""
+    """(k,), or (k, r) where each rotor has its own, the variable in the middle of each interval."""
     if axis.variable in ROTORS_OWN:
         return ROTORS_OWN[axis.variable].read(flight, mid, vehicle)
     return VARIABLE[axis.variable].read(flight, mid)
@@ -88,7 +88,7 @@ class _Along:
     channel: str
     x: FloatArray
     by: FloatArray
-    """Of thrust: (k, 6) or (k, 6, 4) accelerations by lift or by the share of each rotor; else nothing."""
+    """Of thrust: (k, 6) or (k, 6, r) accelerations by lift or by the share of each rotor; else nothing."""
 
     @classmethod
     def of(cls, axis: Axis, flight: Flight, mid: Middle, vehicle: Vehicle) -> "_Along":
@@ -97,7 +97,7 @@ class _Along:
             return cls(axis.channel, x, np.zeros(0))
         if axis.channel == LIFT:
             return cls(axis.channel, x, slopes_along(vehicle, (GAIN,), flight, mid).parameters[:, :, 0])
-        return cls(axis.channel, x, -slopes_along(vehicle, LOSSES, flight, mid).parameters)
+        return cls(axis.channel, x, -slopes_along(vehicle, losses(vehicle), flight, mid).parameters)
 
     @property
     def rows(self) -> tuple[int, ...]:
@@ -107,13 +107,13 @@ class _Along:
         return (CHANNELS.index(self.channel),)
 
     def accelerations(self, values: FloatArray) -> FloatArray:
-        """(k, 6) by values (k,), or (k, 4) for each rotor."""
+        """(k, 6) by values (k,), or (k, r) for each rotor."""
         moved = np.zeros((len(values), 6))
         rows = list(self.rows)
         if self.channel == LIFT:
             moved[:, rows] = self.by[:, rows] * values[:, None]
         elif self.channel == THRUST:
-            each = values if values.ndim == 2 else np.repeat(values[:, None], 4, axis=1)
+            each = values if values.ndim == 2 else np.repeat(values[:, None], self.by.shape[2], axis=1)
             moved[:, rows] = np.einsum("krj,kj->kr", self.by[:, rows], each)
         elif of_thrust(self.channel):
             moved[:, rows] = self.by[:, rows, int(self.channel[2])] * values[:, None]

@@ -25,7 +25,7 @@ from sysid.diagnosis.procedure import NODE_RATE_HZ, Diagnosis
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES, nuisances
 from sysid.logs.checks.payload import PAYLOAD
-from vehicle import effects, manoeuvres
+from vehicle import manoeuvres
 from vehicle.effects.base import Effect
 
 logger = logging.getLogger(__name__)
@@ -249,7 +249,7 @@ class Question:
         )
 
     def _effects(self) -> list[Effect]:
-        return [effects.find(s.effect) for s in self.candidates]
+        return [self.model.candidate_set.vehicle.effect(s.effect) for s in self.candidates]
 
     def _base(self) -> np.ndarray:
         return np.arange(len(_shared(self.model.evidence)[0]))

@@ -109,7 +109,7 @@ class Motion(Block):
 
 
 def along_rotors(acceleration: Jacobian, speed: FloatArray, change: FloatArray) -> FloatArray:
-    """(k, 6) change of the model's acceleration with changes (k, 4) of rotor speed and of rotor acceleration."""
+    """(k, 6) change of the model's acceleration with changes (k, r) of rotor speed and of rotor acceleration."""
     return np.einsum("kij,kj->ki", acceleration.rotor_speed, speed) + np.einsum(
         "kij,kj->ki", acceleration.rotor_acceleration, change
     )

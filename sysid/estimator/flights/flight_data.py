@@ -29,11 +29,11 @@ class Flight:
     readings: Mapping[str, FloatArray]
     """What the sensors measured, by quantity: (n, c) at the nodes, (n - 1, c) means over the intervals."""
     rotor_speed_rad_s: FloatArray
-    """(n - 1, 4) mean over each interval; found from the command where it was not measured."""
+    """(n - 1, r) mean over each interval; found from the command where it was not measured."""
     rotor_acceleration_rad_s2: FloatArray
-    """(n - 1, 4) mean over each interval."""
+    """(n - 1, r) mean over each interval."""
     rotor_command_rad_s: FloatArray
-    """(n - 1, 4) mean over each interval; only used where rotor speed was not measured."""
+    """(n - 1, r) mean over each interval; only used where rotor speed was not measured."""
     battery_v: FloatArray
     """(n - 1,) mean over each interval."""
     streams: Mapping[str, Signal] = field(default_factory=dict)
@@ -109,7 +109,7 @@ class LeadIn:
     step_s: FloatArray
     """(m,)."""
     rotor_command_rad_s: FloatArray
-    """(m, 4)."""
+    """(m, r)."""
     battery_v: FloatArray
     """(m,)."""
 

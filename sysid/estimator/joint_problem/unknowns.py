@@ -25,7 +25,7 @@ def model_parameters(vehicle: Vehicle, by_command: bool = False) -> tuple[str, .
     names = [name for name in vehicle.parameters if name.startswith("inertia_")]
     for effect in vehicle.effects:
         if effects.find(effect).stage.name not in (*motor.STAGES, "SENSOR"):
-            names += [f"{effect}.{spec.name}" for spec in effects.find(effect).parameters]
+            names += [f"{effect}.{spec.name}" for spec in vehicle.effect(effect).parameters]
     return (*names, *motor.parameters(vehicle)) if by_command else tuple(names)
 
 

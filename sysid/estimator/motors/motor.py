@@ -49,7 +49,7 @@ def aligned(flight: Flight, delays: Mapping[str, float]) -> Flight:
 
 
 def by_delay(flight: Flight) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (k, 4) of mean speed and mean acceleration of a driven flight by the delay of its commands: motors
+    """Derivatives (k, r) of mean speed and mean acceleration of a driven flight by the delay of its commands: motors
     are the same at all times, so that a command read later is a speed read later."""
     change = np.gradient(flight.rotor_acceleration_rad_s2, axis=0) / flight.step_s[:, None]
     return flight.rotor_acceleration_rad_s2, change
@@ -81,8 +81,8 @@ def driven(flight: Flight, vehicle: Vehicle) -> Flight:
 
 
 def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (k, 4, p) of mean rotor speed and mean rotor acceleration by the named parameters."""
-    by_speed, by_acceleration = np.zeros((2, len(flight) - 1, 4, len(names)))
+    """Derivatives (k, r, p) of mean rotor speed and mean rotor acceleration by the named parameters."""
+    by_speed, by_acceleration = np.zeros((2, len(flight) - 1, flight.rotor_speed_rad_s.shape[1], len(names)))
     own = [i for i, name in enumerate(names) if name in parameters(vehicle)]
     if not flight.driven_by_command or not own:
         return by_speed, by_acceleration
@@ -96,7 +96,7 @@ def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[Fl
 
 
 def lagged(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Mean rotor speed and acceleration (k, 4) of the catalogue's motors, and derivatives (k, 4, 3) by `PARAMETERS`."""
+    """Mean rotor speed and acceleration (k, r) of the catalogue's motors, and derivatives (k, r, 3) by `PARAMETERS`."""
     steps, commands, volts, skipped = _commanded(flight)
     known = vehicle.parameters
     reached, by_sag = commands, np.zeros((*commands.shape, 1))
@@ -105,8 +105,7 @@ def lagged(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, FloatArray, Fl
         below_v = (vehicle.value(f"{battery.SAG}.reference_v") - volts)[:, None]
         reached, by_sag = commands * (1.0 - vehicle.value(SAG) * below_v), -(commands * below_v)[:, :, None]
     rise_s, fall_s = (known[name].value if name in known else 0.0 for name in (RISE, FALL))
-    k = len(steps)
-    values, by = np.empty((2, k, 4)), np.empty((2, k, 4, len(PARAMETERS)))
+    values, by = np.empty((2, *commands.shape)), np.empty((2, *commands.shape, len(PARAMETERS)))
     _sysid.drive(steps, np.ascontiguousarray(reached), np.ascontiguousarray(by_sag), rise_s, fall_s, *values, *by)
     return values[0, skipped:], values[1, skipped:], by[0, skipped:], by[1, skipped:]
 
@@ -117,7 +116,7 @@ def _own_effects(vehicle: Vehicle) -> bool:
 
 
 def _commanded(flight: Flight) -> tuple[FloatArray, FloatArray, FloatArray, int]:
-    """Steps (m,), commands (m, 4) and voltage (m,) with the lead-in, and how many of them that is."""
+    """Steps (m,), commands (m, r) and voltage (m,) with the lead-in, and how many of them that is."""
     steps, commands, volts = flight.step_s, flight.rotor_command_rad_s, flight.battery_v
     before = flight.lead_in
     if before is None:
@@ -137,7 +136,7 @@ def _differences(flight: Flight, vehicle: Vehicle, names: Sequence[str]) -> list
 
 
 def simulated(flight: Flight, vehicle: Vehicle, moved: Mapping[str, FloatArray]) -> tuple[FloatArray, FloatArray]:
-    """(k, 4, m) mean speed and acceleration over each interval, for m variants of the motors at once.
+    """(k, r, m) mean speed and acceleration over each interval, for m variants of the motors at once.
 
     For any effects, in plain steps: the twin of `lagged`.
     """
@@ -160,7 +159,7 @@ def simulated(flight: Flight, vehicle: Vehicle, moved: Mapping[str, FloatArray])
     steps, commands, volts, skipped = _commanded(flight)
     settled = np.repeat(commands[0][:, None], variants, axis=1)
     speed = reached(settled, settled, volts[0]).command_rad_s
-    mean = np.empty((len(steps), 4, variants))
+    mean = np.empty((*commands.shape, variants))
     change = np.empty_like(mean)
     for k, (h, command, volt) in enumerate(zip(steps, commands, volts, strict=True)):
         column = np.repeat(command[:, None], variants, axis=1)

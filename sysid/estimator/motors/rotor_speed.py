@@ -31,7 +31,7 @@ def aligned(flight: Flight, delays: Mapping[str, float]) -> Flight:
 
 
 def by_delay(flight: Flight, delays: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
-    """Derivatives (k, 4) of mean speed and mean acceleration by the delay of the stream that drives the model."""
+    """Derivatives (k, r) of mean speed and mean acceleration by the delay of the stream that drives the model."""
     if QUANTITY not in flight.streams:
         return motor.by_delay(flight)
     signal, at_s = flight.streams[QUANTITY], flight.time_s + delay_of(QUANTITY, flight, delays)

@@ -18,6 +18,7 @@ from sysid.estimator.validation.steady import (
     Steady,
 )
 from vehicle import Vehicle, invert, rigid_body, wrench
+from vehicle.forces import open_air
 
 SEEN_FORCE = 0.02
 """Of the weight: a smaller lasting force is not told where no wind is."""
@@ -139,7 +140,7 @@ def _scaled(model: Vehicle, names: Sequence[str], ratio: float) -> dict[str, flo
 
 def _thrust_n(model: Vehicle, speed_rad_s: FloatArray) -> float:
     still = np.zeros((1, 3))
-    return float(wrench(model, still, still, speed_rad_s[None], invert.open_air(1))[0][0, 2])
+    return float(wrench(model, still, still, speed_rad_s[None], open_air(1, model.rotors))[0][0, 2])
 
 
 def _horizontal(name: str, one: Steady, model: Vehicle) -> list[str]:

@@ -92,7 +92,7 @@ class _Motion:
         rows = self.found.rows
         air = self.velocity_world_m_s - [*wind_m_s, 0.0]
         back = rotations.conjugate(self.q)
-        still = np.zeros((len(self.q), 4))
+        still = np.zeros((len(self.q), model.rotors))
         around = surroundings(self.log.vector("position_world_m")[rows], self.q, still)
         rate, speed = self.log.vector("rate_body_rad_s")[rows], self.log.vector("rotor_speed_rad_s")[rows]
         force, _ = wrench(model, rotations.rotate(back, air), rate, speed, around)

@@ -15,7 +15,7 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.motors.battery import SAG
 from sysid.estimator.options import HoverCommand, RotorThrust
 from vehicle import Parameter, Vehicle, specs, wrench
-from vehicle.invert import open_air
+from vehicle.forces import open_air
 
 FLAT, FLAT_STD = 1.7, 0.2
 """Inertia about z over the mean of those about x and y, and its relative deviation: 2 for a flat body, 1 for a ball;
@@ -184,8 +184,8 @@ def scaled(vehicle: Vehicle, factor: float, std: float) -> Vehicle:
 def rotor_thrust_n(vehicle: Vehicle, speed_rad_s: FloatArray) -> FloatArray:
     """(n,) of one rotor in air at rest at speeds (n,)."""
     still = np.zeros((len(speed_rad_s), 3))
-    speeds = np.repeat(speed_rad_s[:, None], 4, axis=1)
-    return 0.25 * wrench(vehicle, still, still, speeds, open_air(len(speed_rad_s)))[0][:, 2]
+    speeds, share = np.repeat(speed_rad_s[:, None], vehicle.rotors, axis=1), 1.0 / vehicle.rotors
+    return share * wrench(vehicle, still, still, speeds, open_air(len(speed_rad_s), vehicle.rotors))[0][:, 2]
 
 
 def nudged(vehicle: Vehicle, name: str) -> tuple[Vehicle, float]:

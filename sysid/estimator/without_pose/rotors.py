@@ -26,7 +26,7 @@ class Turned:
     names: tuple[str, ...]
     """Of the motors' parameters that are estimated."""
     by_speed: FloatArray
-    """(k, 4, len(names) + 1) derivatives of mean speed by these, and by the delay of what drives the rotors."""
+    """(k, r, len(names) + 1) derivatives of mean speed by these, and by the delay of what drives the rotors."""
     by_acceleration: FloatArray
     """The same of mean acceleration."""
 

@@ -10,13 +10,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flight import FlightLog, rotations
-from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
 from sysid.logs.checks.finding import Finding, warning
 from sysid.logs.checks.motion import GRID_S, Kinematics, correlation, fitted, on_grid, resampled, sampled
 from sysid.logs.events.repair import Repair
 from vehicle import Vehicle, acceleration
-from vehicle.invert import open_air
+from vehicle.forces import open_air
 
 LONGEST_S = 0.15
 """Streams further apart are not recognised."""
@@ -86,7 +85,7 @@ def of_rotors(log: FlightLog, motion: Kinematics, vehicle: Vehicle, *, gyro_is_s
             against, offset = "motion", other
             sentence = f"rotor speed is {offset.words} against the {against}"
     fix = f"shift rotor speed by {-1e3 * offset.delay_s:+.1f} ms against the {against}"
-    repair = Repair("shift", COLUMNS["rotor_speed_rad_s"], shift_s=-offset.delay_s)
+    repair = Repair("shift", log.names("rotor_speed_rad_s"), shift_s=-offset.delay_s)
     return [warning("clock", sentence, fix, repair=repair)]
 
 
@@ -138,7 +137,7 @@ def _streams(rate: FloatArray, turning: FloatArray, speed: FloatArray, motion: K
     """
     rest = np.zeros((len(speed), 3))
     air = rotations.rotate(rotations.conjugate(motion.q), motion.velocity_world_m_s)
-    around = replace(open_air(len(speed)), q_world_body=motion.q)
+    around = replace(open_air(len(speed), vehicle.rotors), q_world_body=motion.q)
     driven = acceleration(vehicle, rest, rest, speed, around)[1]
     aerodynamic = acceleration(vehicle, air, rate, speed, around)[1] - driven
     beside = np.stack([np.column_stack([rate[:, i], air[:, :2]]) for i in range(2)], axis=1)

@@ -18,7 +18,7 @@ from sysid.logs.checks.motion import GRID_S, Kinematics, kinematics, on_grid, sa
 from sysid.logs.checks.payload import as_flown, carries_payload
 from sysid.logs.events.repair import Repair
 from vehicle import Vehicle, wrench
-from vehicle.invert import open_air
+from vehicle.forces import open_air
 
 RATIO_SIGMAS = 4.0
 """A ratio is called wrong when it is off by this many of its standard errors."""
@@ -172,10 +172,10 @@ def _rotors(
     speed = on_grid(log, "rotor_speed_rad_s", motion.time_s)
     if vehicle is None:
         if np.median(speed) > 4000.0:
-            return [_rpm(float(np.median(speed)))]
+            return [_rpm(log, float(np.median(speed)))]
         return []
     rest = np.zeros((len(speed), 3))
-    thrust = wrench(vehicle, rest, rest, speed, open_air(len(speed)))[0][:, 2] / vehicle.mass_kg
+    thrust = wrench(vehicle, rest, rest, speed, open_air(len(speed), vehicle.rotors))[0][:, 2] / vehicle.mass_kg
     needed = np.linalg.norm(motion.specific_force_world_m_s2, axis=1)
     strong = thrust >= 0.5 * np.quantile(thrust, 0.95)  # a log may begin long before the flight
     ratio = float(np.median(thrust[strong]) / np.median(needed[strong]))
@@ -200,9 +200,9 @@ def _electrical(times: float) -> Finding:
     return error("unit", sentence, "divide rotor_speed_rad_s by the motor's pole pairs, or multiply it by 2 pi / 60")
 
 
-def _rpm(typical: float) -> Finding:
+def _rpm(log: FlightLog, typical: float) -> Finding:
     sentence = f"rotor speed is {typical:.0f} (median): that is rpm in a rad/s column"
-    repair = Repair("scale", COLUMNS["rotor_speed_rad_s"], factor=RAD_S_PER_RPM)
+    repair = Repair("scale", log.names("rotor_speed_rad_s"), factor=RAD_S_PER_RPM)
     return error("unit", sentence, "multiply rotor_speed_rad_s by 2 pi / 60", repair=repair)
 
 

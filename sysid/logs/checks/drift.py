@@ -69,7 +69,7 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
     follows: bool | None = False
     if sampled(log, "rotor_speed_rad_s"):
         follows = _rotors_follow(log, motion, vehicle, line) if vehicle is not None else None
-    return [_finding(line, motion, imu, follows)]
+    return [_finding(line, motion, imu, follows, log.names("rotor_speed_rad_s"))]
 
 
 def _rotors_follow(log: FlightLog, motion: Kinematics, vehicle: Vehicle, line: Line) -> bool | None:
@@ -155,7 +155,9 @@ def _share(count: int) -> FloatArray:
     return np.linspace(-0.5, 0.5, count)
 
 
-def _finding(line: Line, motion: Kinematics, columns: tuple[str, ...], follows: bool | None) -> Finding:
+def _finding(
+    line: Line, motion: Kinematics, columns: tuple[str, ...], follows: bool | None, rotors: tuple[str, ...]
+) -> Finding:
     """Args: `follows`: whether rotor speed is on the gyro's clock; None: not known, so that no repair is sure."""
     first_s, length_s = float(motion.time_s[0]), float(motion.time_s[-1] - motion.time_s[0])
     pace = line.growth_s / length_s
@@ -171,7 +173,7 @@ def _finding(line: Line, motion: Kinematics, columns: tuple[str, ...], follows: 
             sentence,
             "record all on one clock; the vehicle file may show which of them rotor speed is on",
         )
-    columns = (*columns, *COLUMNS["rotor_speed_rad_s"]) if follows else columns
+    columns = (*columns, *rotors) if follows else columns
     # what is late by middle + pace (t - half way) was stamped so much too late
     shift_s = pace * (first_s + 0.5 * length_s) - line.middle_s
     moved = "gyro and rotor speed" if follows else "the gyro"

@@ -30,7 +30,7 @@ from sysid.logs.checks.finding import Finding, error
 from sysid.logs.checks.motion import GRID_S, LEAST_SAMPLES, LONGEST_S
 from sysid.logs.events.repair import Repair
 from sysid.logs.motors import rotor_places
-from sysid.logs.motors.full_throttle import COMMAND, RATIOS
+from sysid.logs.motors.full_throttle import COMMAND, ratios
 from vehicle import Vehicle
 
 WINDOW_S = 2.0
@@ -68,7 +68,6 @@ LEAST_TURN_RAD = np.deg2rad(15.0)
 LEAST_LEAD_S = 0.008
 """By which commands come before the turning that they cause. A controller that answers gusts comes after, and turns
 the vehicle the other way."""
-AS_GIVEN = (0, 1, 2, 3)
 MEASURED = COLUMNS["rotor_speed_rad_s"]
 
 Hypothesis = TypeVar("Hypothesis")
@@ -80,12 +79,12 @@ class Rotors:
     """What a log shows of order and spin."""
 
     order: tuple[int, ...] | None
-    """Which column is rotor 0, 1, 2, 3 of the vehicle file; None: inconclusive."""
+    """Which column is rotor 0, 1, ... of the vehicle file; None: inconclusive."""
     spin: tuple[int, ...] | None
     """+1 or -1 for each rotor of the file, in the file's sense; None: inconclusive. Where the order is, of each column
     as if it were the rotor of that number."""
     explained: FloatArray
-    """(3,) share of roll, pitch and yaw acceleration within the band that the four columns explain."""
+    """(3,) share of roll, pitch and yaw acceleration within the band that the columns explain."""
     delay_s: float = 0.0
     """By how much the columns come later than the turning, where the order is known."""
     columns: tuple[str, ...] = MEASURED
@@ -99,14 +98,14 @@ class Spectra:
     hz: FloatArray
     """(f,)"""
     squared: dict[int, ComplexArray]
-    """(w, f, 4), of squared rotor speed in windows that begin so many times `COARSE_S` later."""
+    """(w, f, r), of squared rotor speed in windows that begin so many times `COARSE_S` later."""
     turning: ComplexArray
     """(w, f, 3), of angular acceleration."""
     coupling: ComplexArray
     """(w, f), of w_x w_y."""
 
     def advanced(self, delay_s: float) -> ComplexArray:
-        """(w, f, 4) of squared rotor speed, which is this much later than the turning."""
+        """(w, f, r) of squared rotor speed, which is this much later than the turning."""
         coarse = round(delay_s / COARSE_S)
         rest_s = delay_s - coarse * COARSE_S
         return self.squared[coarse] * np.exp(2j * np.pi * self.hz * rest_s)[:, None]
@@ -129,6 +128,13 @@ class Gains:
         root = np.linalg.cholesky(self.information).T
         return float(nnls(root @ pattern, root @ self.value)[1] ** 2)
 
+    def misfits(self, patterns: FloatArray) -> FloatArray:
+        """(p,) the same of many patterns (p, m) of one column each."""
+        informed = self.information @ self.value
+        size = np.einsum("pi,ij,pj->p", patterns, self.information, patterns)
+        along = np.maximum(patterns @ informed, 0.0)
+        return float(self.value @ informed) - along**2 / np.maximum(size, np.finfo(float).tiny)
+
 
 def drivers(log: FlightLog) -> list[tuple[str, ...]]:
     """The columns of what turns the rotors: measured speed, then commands.
@@ -136,7 +142,7 @@ def drivers(log: FlightLog) -> list[tuple[str, ...]]:
     Commands show the order, too: the rotors' lag is taken for a delay.
     """
     found = []
-    for names in (MEASURED, COLUMNS[COMMAND], RATIOS):
+    for names in (log.names("rotor_speed_rad_s"), log.names(COMMAND), ratios(log)):
         if all(name in log.columns for name in names):
             known = np.isfinite(np.stack([log.columns[name] for name in names])).all(axis=0)
             found += [names] if known.sum() >= LEAST_SAMPLES else []
@@ -155,48 +161,61 @@ def check(
     """
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
-    what = "rotor speeds" if found.columns == MEASURED else "motor commands"
-    wrong = [] if found.spin is None else [i for i in range(4) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
+    what = "rotor speeds" if _measured(found.columns) else "motor commands"
+    wrong = (
+        []
+        if found.spin is None
+        else [i for i in range(vehicle.rotors) if found.spin[i] != int(np.sign(vehicle.spin[i]))]
+    )
     if found.order is None and (place := _by_place(log, vehicle, found, what)) is not None:
         return [place], []
     if found.order is None and wrong:
         sentence = (
-            f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong)} the other "
-            "way, or the rotors are in another order"
+            f"yaw turns against the rotors' torque (they explain {yaw} of yaw acceleration): {_spins(wrong, vehicle)} "
+            "the other way, or the rotors are in another order"
         )
-        fix = f"turn the sign of {_which(wrong)} in the vehicle file, or take the columns of {what} in its order"
+        fix = (
+            f"turn the sign of {_which(wrong, vehicle)} in the vehicle file, or take the columns of {what} in its order"
+        )
         return [error("rotor spin", sentence, f"{fix}; roll and pitch do not show which: fly doublets about them")], []
     if found.order is None:
         shares = f"{what} explain {roll} of roll and {pitch} of pitch acceleration"
         why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
         return [], [f"rotor order and spins: {why}; fly doublets about roll, pitch and yaw to decide"]
-    if found.order != AS_GIVEN:
+    if found.order != _as_given(vehicle):
         order = list(found.order)
         sentence = (
             f"roll and pitch do not follow the rotors in this order; in order {order} {what} explain {roll} of "
             f"roll and {pitch} of pitch acceleration"
         )
         repair = Repair("rotor order", found.columns, order=found.order)
-        fix = f"take columns {order} of {what} as rotors 0 to 3"
+        fix = f"take columns {order} of {what} as rotors 0 to {len(order) - 1}"
         if not gyro and _may_be_turned(found, vehicle):
             return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
         return [error("rotor order", sentence, fix, repair=repair)], []
-    if found.spin is None and found.columns != MEASURED:
+    if found.spin is None and not _measured(found.columns):
         return [], ["spins: motor commands do not show them; record rotor speed, or look at the vehicle"]
     if found.spin is None:
         return [], [f"spins: {what} explain {yaw} of yaw acceleration; fly yaw doublets to decide"]
     if not wrong:
         return [], []
     sentence = (
-        f"yaw turns against the rotors' torque: {_spins(wrong)} the other way (they explain {yaw} of yaw acceleration)"
+        f"yaw turns against the rotors' torque: {_spins(wrong, vehicle)} the other way (they explain {yaw} of yaw "
+        "acceleration)"
     )
-    return [error("rotor spin", sentence, f"turn the sign of {_which(wrong)} in the vehicle file{_option(wrong)}")], []
+    return [
+        error(
+            "rotor spin",
+            sentence,
+            f"turn the sign of {_which(wrong, vehicle)} in the vehicle file{_option(wrong, vehicle)}",
+        )
+    ], []
 
 
 def _by_place(log: FlightLog, vehicle: Vehicle, found: Rotors, what: str) -> Finding | None:
     """What the places of the firmware's motors say of an order that the flight does not show."""
     order = rotor_places.order(log, vehicle)
-    if order is None or order == AS_GIVEN:
+    if order is None or order == _as_given(vehicle):
         return None
     if found.spin is not None and any(found.spin[k] != np.sign(vehicle.spin[i]) for i, k in enumerate(order)):
         return None  # yaw contradicts it
@@ -205,22 +224,32 @@ def _by_place(log: FlightLog, vehicle: Vehicle, found: Rotors, what: str) -> Fin
         f"{', '.join(rotor_places.of_vehicle(vehicle))} as in the vehicle file; the flight does not decide"
     )
     repair = Repair("rotor order", found.columns, order=order)
-    return error("rotor order", sentence, f"take columns {list(order)} of {what} as rotors 0 to 3", repair=repair)
+    return error(
+        "rotor order", sentence, f"take columns {list(order)} of {what} as rotors 0 to {len(order) - 1}", repair=repair
+    )
 
 
-def _spins(wrong: list[int]) -> str:
-    return "all spins are" if len(wrong) == 4 else f"the spins of rotors {wrong} are"
+def _as_given(vehicle: Vehicle) -> tuple[int, ...]:
+    return tuple(range(vehicle.rotors))
 
 
-def _option(wrong: list[int]) -> str:
+def _measured(columns: tuple[str, ...]) -> bool:
+    return columns[0] == MEASURED[0]
+
+
+def _spins(wrong: list[int], vehicle: Vehicle) -> str:
+    return "all spins are" if len(wrong) == vehicle.rotors else f"the spins of rotors {wrong} are"
+
+
+def _option(wrong: list[int], vehicle: Vehicle) -> str:
     """What does the same from the start, if anything."""
-    if len(wrong) < 4:
+    if len(wrong) < vehicle.rotors:
         return ""
     return " (`goshawk vehicle new` writes them so with --props-out, or without it if the file was made with it)"
 
 
-def _which(wrong: list[int]) -> str:
-    return "every spin" if len(wrong) == 4 else f"the spins of rotors {wrong}"
+def _which(wrong: list[int], vehicle: Vehicle) -> str:
+    return "every spin" if len(wrong) == vehicle.rotors else f"the spins of rotors {wrong}"
 
 
 def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
@@ -246,7 +275,7 @@ def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicl
         spectra = _spectra(log, columns, rate, BAND_HZ)
         if spectra is None:
             continue
-        if columns == MEASURED:
+        if _measured(columns):
             return _by_speeds(log, rate, _examined(spectra, vehicle), vehicle)
         found = _examined(spectra, vehicle)
         sure = found.explained[:2].min() > LEAST_COMMANDED and found.delay_s <= -LEAST_LEAD_S
@@ -258,7 +287,7 @@ def _by_speeds(log: FlightLog, rate: tuple[FloatArray, FloatArray], found: Rotor
     """What was found, or what the slower motion shows where that is clearer."""
     if found.order is not None and found.spin is not None:
         return found
-    slow = _examined(_spectra(log, MEASURED, rate, SLOW_BAND_HZ), vehicle)
+    slow = _examined(_spectra(log, log.names("rotor_speed_rad_s"), rate, SLOW_BAND_HZ), vehicle)
     if slow.order is not None and slow.explained[:2].min() > CLEAR:
         return slow if slow.explained[2] > CLEAR else replace(slow, spin=found.spin if found.order else None)
     return found
@@ -291,9 +320,9 @@ def _by_yaw_alone(spectra: Spectra, vehicle: Vehicle) -> Rotors:
     best = max(yaw, key=lambda delay_s: yaw[delay_s].explained)
     near = [one for one in yaw.values() if one.explained > NEARLY_BEST * yaw[best].explained]
     whole = _yaw(spectra, best)
-    spin = _spin(whole, AS_GIVEN, vehicle)
+    spin = _spin(whole, _as_given(vehicle), vehicle)
     explained = np.array([one.explained for one in (*_roll_and_pitch(spectra, best), whole)])
-    sure = {_spin(one, AS_GIVEN, vehicle) for one in near} - {None} == {spin}
+    sure = {_spin(one, _as_given(vehicle), vehicle) for one in near} - {None} == {spin}
     return Rotors(None, spin if sure and whole.explained > LEAST_EXPLAINED else None, explained)
 
 
@@ -302,7 +331,7 @@ def _delays_s() -> FloatArray:
 
 
 def _excited(spectra: Spectra) -> bool:
-    """Whether all four columns move, each in its own way, and the body turns."""
+    """Whether all columns move, each in its own way, and the body turns."""
     squared = spectra.advanced(0.0)
     powers = np.linalg.eigvalsh(np.einsum("wfi,wfj->ij", squared.conj(), squared).real)
     return powers[0] > LEAST_POWER * powers[-1] and bool((np.abs(spectra.turning).sum(axis=(0, 1)) > 0.0).all())
@@ -327,24 +356,31 @@ def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> G
 
 
 def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
+    orders = list(permutations(_as_given(vehicle)))
+    arms = ((roll, vehicle.hub_body_m[:, 1]), (pitch, -vehicle.hub_body_m[:, 0]))
+    if vehicle.rotors > 4:
+        places = np.argsort(orders, axis=1)
+        both = np.sum([gains.misfits(arm[places]) for gains, arm in arms], axis=0)
+        return _decided(dict(zip(orders, both.tolist(), strict=True)), freedom=2 * vehicle.rotors - 2)
+
     def misfit(order: tuple[int, ...]) -> float:
         place = np.argsort(order)  # rotor of each column
-        arms = ((roll, vehicle.hub_body_m[:, 1]), (pitch, -vehicle.hub_body_m[:, 0]))
         return sum(gains.misfit(arm[place][:, None]) for gains, arm in arms)
 
-    return _decided({order: misfit(order) for order in permutations(range(4))}, freedom=6)
+    return _decided({order: misfit(order) for order in orders}, freedom=6)
 
 
 def _spin(yaw: Gains, order: tuple[int, ...], vehicle: Vehicle) -> tuple[int, ...] | None:
-    place, nothing = np.argsort(order), np.zeros(4)
+    place, nothing = np.argsort(order), np.zeros(vehicle.rotors)
 
     def misfit(spin: tuple[int, ...]) -> float:
         sense = -np.array(spin, dtype=np.float64)[place]
         return yaw.misfit(np.stack([np.r_[sense, nothing], np.r_[nothing, sense]], axis=1))
 
-    balanced = {spin for spin in product((-1, 1), repeat=4) if sum(spin) == 0}  # or the vehicle would not hold its yaw
+    every = product((-1, 1), repeat=vehicle.rotors)
+    balanced = {spin for spin in every if sum(spin) == 0}  # or the vehicle would not hold its yaw
     given = tuple(int(sense) for sense in np.sign(vehicle.spin))
-    return _decided({spin: misfit(spin) for spin in balanced | {given}}, freedom=6)
+    return _decided({spin: misfit(spin) for spin in balanced | {given}}, freedom=2 * vehicle.rotors - 2)
 
 
 def _decided(misfit: dict[Hypothesis, float], freedom: int) -> Hypothesis | None:

@@ -90,7 +90,7 @@ def partial(log: FlightLog) -> list[Finding]:
     for quantities in TOGETHER:
         if not all(log.has(quantity) for quantity in quantities):
             continue
-        columns = tuple(name for quantity in quantities for name in COLUMNS[quantity])
+        columns = tuple(name for quantity in quantities for name in log.names(quantity))
         known = np.isfinite([log.columns[name] for name in columns])
         partly = np.flatnonzero(known.any(axis=0) & ~known.all(axis=0))
         if len(partly):
@@ -113,7 +113,8 @@ def _spans(time_s: FloatArray, rows: np.ndarray) -> tuple[Span, ...]:
 def _constant(log: FlightLog, touching: tuple[Span, ...]) -> list[Finding]:
     """Columns that never change, but for rotors at rest: those read 0, and so may telemetry that was lost."""
     found: list[Finding] = []
-    for quantity, columns in COLUMNS.items():
+    for quantity in COLUMNS:
+        columns = log.names(quantity)
         if quantity.startswith(COMMANDED) or not log.has(quantity):
             continue
         values = log.vector(quantity)
@@ -145,7 +146,7 @@ def _saturated(log: FlightLog) -> list[Finding]:
     for quantity in ("rotor_speed_rad_s", "rate_body_rad_s", "specific_force_body_m_s2"):
         if not log.has(quantity):
             continue
-        for name, values in zip(COLUMNS[quantity], log.vector(quantity).T, strict=True):
+        for name, values in zip(log.names(quantity), log.vector(quantity).T, strict=True):
             finite = values[np.isfinite(values)]
             if len(finite) < 100 or np.ptp(finite) == 0.0:
                 continue

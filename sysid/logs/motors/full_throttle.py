@@ -5,12 +5,19 @@ import math
 import numpy as np
 
 from flight import FlightLog, InputError
-from flight.flight_log import COLUMNS
+from flight.flight_log import MOST_ROTORS, rotor_columns
 
-RATIOS = tuple(f"motor_command_{i}_ratio" for i in range(4))
+_EVERY = tuple(f"motor_command_{i}_ratio" for i in range(MOST_ROTORS))
+RATIOS = _EVERY[:4]
+"""Of the first four motors."""
 COMMAND = "rotor_speed_command_rad_s"
 KEY = "full_throttle_rad_s"
 """Of a log's metadata: the speed that a command of 1 was taken for."""
+
+
+def ratios(log: FlightLog) -> tuple[str, ...]:
+    """The columns of as many motors as the log has, of the first four at least."""
+    return _EVERY[: next((i for i in range(4, MOST_ROTORS) if _EVERY[i] not in log.columns), MOST_ROTORS)]
 
 
 def has_ratios(log: FlightLog) -> bool:
@@ -41,6 +48,7 @@ def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog
         raise InputError("the log has no motor commands from 0 to 1 (motor_command_0_ratio ...); give no full throttle")
     if log.has(COMMAND):
         raise InputError("the log has commanded rotor speeds already; give no full throttle")
-    ratios = np.stack([log.columns[name] for name in RATIOS], axis=1)
-    added = dict(zip(COLUMNS[COMMAND], (full_throttle_rad_s * ratios).T, strict=True))
+    shares = np.stack([log.columns[name] for name in ratios(log)], axis=1)
+    names = rotor_columns(COMMAND, shares.shape[1])
+    added = dict(zip(names, (full_throttle_rad_s * shares).T, strict=True))
     return FlightLog({**log.columns, **added}, {**log.metadata, KEY: full_throttle_rad_s})

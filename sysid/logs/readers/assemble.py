@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import FlightError, FlightLog, InputError, rotations
-from flight.flight_log import COLUMNS
+from flight.flight_log import COLUMNS, columns_of
 from flight.rotations import FloatArray
 from sysid.logs.events import clock
 from sysid.logs.events.event import noted
@@ -22,7 +22,7 @@ OWN_ROWS = ("rotor_speed_rad_s", "rotor_speed_command_rad_s")
 
 def columns(quantity: str, values: FloatArray) -> Stream:
     """(n, k) values of a vector of `flight_log.COLUMNS` by column name."""
-    return dict(zip(COLUMNS[quantity], values.T, strict=True))
+    return columns_of(quantity, values)
 
 
 def assembled(

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flight import FormatError, InputError, errors
-from flight.flight_log import COLUMNS
+from flight.flight_log import COLUMNS, MOST_ROTORS, ROTOR_QUANTITIES
 from flight.rotations import FloatArray
 from sysid.logs.readers import known_names
 from sysid.logs.readers.read_csv import FORMAT, SEPARATORS, VERSION, header_names
@@ -44,10 +44,10 @@ _PATTERNS = (
     ),
     ("rate_body_rad_s", r"(?P<c>[pqr])$"),
     ("specific_force_body_m_s2", r"(?:a|acc|accel|accelerometer|acceleration|specific_force)" + _OF + r"(?P<c>[xyz])$"),
-    ("rotor_speed_command_rad_s", r"(?:rotor_speed|motor_speed|rotor|motor|rpm)_?(?:cmd|command|ref)_?(?P<c>[0-4])$"),
+    ("rotor_speed_command_rad_s", r"(?:rotor_speed|motor_speed|rotor|motor|rpm)_?(?:cmd|command|ref)_?(?P<c>[0-8])$"),
     (
         "rotor_speed_rad_s",
-        r"(?:m|mot|motor|rotor|prop|esc|rpm|erpm|rotor_?speed|motor_?speed|motor_?rpm)_?(?P<c>[0-4])$",
+        r"(?:m|mot|motor|rotor|prop|esc|rpm|erpm|rotor_?speed|motor_?speed|motor_?rpm)_?(?P<c>[0-8])$",
     ),
     ("position_world_m", _ASKED + r"(?:p|pos|position)?" + _OF + r"(?P<c>[xyz])$"),
 )
@@ -233,7 +233,10 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
         ordered = dict(sorted(columns.items(), key=lambda item: (_ORDER.get(item[0], 0), item[0])))
         if quantity not in COLUMNS or quantity in chosen:
             continue
-        complete = len(ordered) == len(COLUMNS[quantity]) or (set(ordered) & {"roll", "phi"} and len(ordered) == 3)
+        rotors = quantity in ROTOR_QUANTITIES and 4 < len(ordered) <= MOST_ROTORS
+        complete = (
+            rotors or len(ordered) == len(COLUMNS[quantity]) or (set(ordered) & {"roll", "phi"} and len(ordered) == 3)
+        )
         if complete:
             chosen[quantity] = ordered
     return chosen
@@ -343,10 +346,10 @@ def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
             reasons = [f"battery by its name; unit {unit}, median {np.median(finite):g}"]
             if not any(guess.name == "battery_v" for guess in found):
                 found.append(Guess("battery_v", [name], {"unit": unit}, reasons))
-        match = re.search(r"(?:^|_)(?:cmd|command|u|motor_cmd|motor_command|control|actuator|throttle)_?([0-4])$", base)
+        match = re.search(r"(?:^|_)(?:cmd|command|u|motor_cmd|motor_command|control|actuator|throttle)_?([0-8])$", base)
         if match and finite.min() >= 0.0 and finite.max() <= 1.0:
             found.append(Guess(f"cmd {match[1]}", [name], {}, ["a motor command by its name, from 0 to 1"]))
-        match = re.search(r"(?:^|_)m(?:otor)?_?([0-4])_?pwm(?:_?16)?$", base)
+        match = re.search(r"(?:^|_)m(?:otor)?_?([0-8])_?pwm(?:_?16)?$", base)
         if match and finite.min() >= 0.0 and _LARGEST_MICROSECONDS < finite.max() <= _MOST_PWM16:
             reasons = ["a motor command by its name, of 16 bits by its size"]
             found.append(Guess(f"cmd {match[1]}", [name], {"scale": 1.0 / _MOST_PWM16}, reasons))

@@ -24,7 +24,7 @@ ESTIMATES = (("XKF1", "XKQ"), ("NKF1", "NKQ"), ("EKF1", "EKQ"))
 _NAMES = ("ATT", "RATE", "IMU", "RCOU", "ESC", "BAT", "CURR", "POS", "PARM", "XKF4", "NKQ1")
 WANTED = {*_NAMES, *(name for pair in ESTIMATES for name in pair), *(f"ESC{i}" for i in range(1, 9))}
 """Messages that are read."""
-MOTOR_FUNCTIONS = (33, 34, 35, 36)
+MOTOR_FUNCTIONS = (33, 34, 35, 36, 37, 38, 39, 40)
 """`SERVOn_FUNCTION` of Motor1 to Motor4."""
 EARTH_RADIUS_M = 6_378_137.0
 
@@ -166,10 +166,13 @@ def _parameters(tables: dict[str, Table]) -> dict[str, float]:
 
 
 def _motor_channels(tables: dict[str, Table]) -> tuple[int, ...]:
-    """Output channels (from 1) of motors 1 to 4, by the parameters; the first four where they do not say."""
+    """Output channels (from 1) of the motors, by the parameters; the first four where they do not say."""
     values = _parameters(tables)
     channel = {int(values[f"SERVO{i}_FUNCTION"]): i for i in range(1, 17) if f"SERVO{i}_FUNCTION" in values}
-    return tuple(channel.get(function, 0) for function in MOTOR_FUNCTIONS) if 33 in channel else (1, 2, 3, 4)
+    if 33 not in channel:
+        return (1, 2, 3, 4)
+    more = next((i for i in range(4, len(MOTOR_FUNCTIONS)) if MOTOR_FUNCTIONS[i] not in channel), len(MOTOR_FUNCTIONS))
+    return tuple(channel.get(function, 0) for function in MOTOR_FUNCTIONS[:more])
 
 
 def _outputs(tables: dict[str, Table], motors: tuple[int, ...]) -> Iterator[tuple[str, Stream, str]]:
@@ -180,21 +183,21 @@ def _outputs(tables: dict[str, Table], motors: tuple[int, ...]) -> Iterator[tupl
     low, high = values.get("MOT_PWM_MIN", 1000.0), values.get("MOT_PWM_MAX", 2000.0)
     low, high = (low, high) if high > low > 0.0 else (1000.0, 2000.0)
     ratio = np.clip((np.stack([table[f"C{i}"] for i in motors], axis=1) - low) / (high - low), 0.0, 1.0)
-    stream = {f"motor_command_{i}_ratio": ratio[:, i] for i in range(4)}
+    stream = {f"motor_command_{i}_ratio": column for i, column in enumerate(ratio.T)}
     note = f"motor commands: RCOU {', '.join(f'C{i}' for i in motors)}, 0 to 1 from {low:g} to {high:g} us"
     yield "motor_command", {"time_s": _time_s(table), **stream}, note
 
 
 def _rotor_speeds(tables: dict[str, Table], motors: tuple[int, ...]) -> Iterator[tuple[str, Stream, str]]:
-    """Rotor speeds of four ESCs, at the instants of the first; an ESC's number is that of its output channel."""
+    """Rotor speeds of the motors' ESCs, at the instants of the first; an ESC's number is that of its output channel."""
     own = {i - 1: tables[f"ESC{i}"] for i in range(1, 9) if f"ESC{i}" in tables}
     if "ESC" in tables and (name := _instance(tables["ESC"])):
         numbers = np.unique(tables["ESC"][name])
         own |= {int(n): _only(tables["ESC"], name, float(n)) for n in numbers}
     chosen = [channel - 1 for channel in motors]
     if not set(chosen) <= set(own):
-        chosen = sorted(own)[:4]
-    if len(chosen) < 4:
+        chosen = sorted(own)[: len(motors)]
+    if len(chosen) < len(motors):
         return
     each = [_sorted({"time_s": _time_s(own[n]), "rpm": np.abs(own[n]["RPM"])}) for n in chosen]
     time_s = each[0]["time_s"]
@@ -202,4 +205,4 @@ def _rotor_speeds(tables: dict[str, Table], motors: tuple[int, ...]) -> Iterator
     speed_rad_s = np.stack(speeds, axis=1) * RAD_S_PER_RPM
     known = np.isfinite(speed_rad_s).all(axis=1)
     stream = {"time_s": time_s[known], **columns("rotor_speed_rad_s", speed_rad_s[known])}
-    yield "rotor_speed_rad_s", stream, f"rotor speed: ESC {', '.join(map(str, chosen))}, as motors 1 to 4"
+    yield "rotor_speed_rad_s", stream, f"rotor speed: ESC {', '.join(map(str, chosen))}, as motors 1 to {len(chosen)}"

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flight import FlightLog, FormatError, frames, rotations
+from flight.flight_log import MOST_ROTORS
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.motors import rotor_places
@@ -77,6 +78,12 @@ def _group(recorded: Recorded, name: str, count: int) -> FloatArray | None:
     if not set(names) <= set(recorded.fields):
         return None
     return np.stack([recorded.fields[n] for n in names], axis=1).astype(np.float64)
+
+
+def _motor_group(recorded: Recorded, name: str) -> FloatArray | None:
+    """(n, r) of as many motors as the firmware had, four or more; None if there are fewer."""
+    count = next((i for i in range(MOST_ROTORS) if f"{name}[{i}]" not in recorded.fields), MOST_ROTORS)
+    return _group(recorded, name, max(count, 4))
 
 
 def _setting(recorded: Recorded, name: str, otherwise: float) -> float:
@@ -163,17 +170,25 @@ def _position(recorded: Recorded) -> Iterator[tuple[str, Stream, str]]:
 
 def _motors(recorded: Recorded) -> Iterator[tuple[str, Stream, str]]:
     """Commands as shares of full throttle, and speeds by the ESCs' electrical revolutions."""
-    output = _group(recorded, "motor", 4)
+    output = _motor_group(recorded, "motor")
     low, high = _range(recorded)
     if output is not None and high > low:
         ratio = np.clip((output - low) / (high - low), 0.0, 1.0)
-        stream = {f"motor_command_{i}_ratio": ratio[:, i] for i in range(4)}
-        yield "motor_command", stream, f"motor commands: motor[0..3], 0 to 1 from {low:g} to {high:g}"
-    turns = _group(recorded, "eRPM", 4)
+        stream = {f"motor_command_{i}_ratio": column for i, column in enumerate(ratio.T)}
+        yield (
+            "motor_command",
+            stream,
+            f"motor commands: motor[0..{output.shape[1] - 1}], 0 to 1 from {low:g} to {high:g}",
+        )
+    turns = _motor_group(recorded, "eRPM")
     poles = _setting(recorded, "motor_poles", 14.0)
     if turns is not None and turns.any() and poles >= 2.0:
         speed = turns * 100.0 / (0.5 * poles) * RAD_S_PER_RPM
-        yield "rotor_speed_rad_s", columns("rotor_speed_rad_s", speed), f"rotor speed: eRPM[0..3], {poles:g} poles"
+        yield (
+            "rotor_speed_rad_s",
+            columns("rotor_speed_rad_s", speed),
+            f"rotor speed: eRPM[0..{turns.shape[1] - 1}], {poles:g} poles",
+        )
 
 
 def _range(recorded: Recorded) -> tuple[float, float]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from flight import FlightLog, FormatError, InputError, cells, errors, file_format, frames, rotations
-from flight.flight_log import COLUMNS, from_vectors
+from flight.flight_log import COLUMNS, MOST_ROTORS, ROTOR_QUANTITIES, from_vectors
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.events import clock
@@ -330,7 +330,8 @@ def _vector(table: _Table, name: str, entry: dict[str, Any], path: Path) -> Floa
     values = _scaled(values, name, entry, path)
     if name.endswith("q_world_body"):
         return _attitude(values, entry, name, path)
-    if values.shape[1] != len(COLUMNS[name]):
+    rotors = 4 < values.shape[1] <= MOST_ROTORS and name in ROTOR_QUANTITIES
+    if values.shape[1] != len(COLUMNS[name]) and not rotors:
         raise InputError(f"{path}: {name} needs {len(COLUMNS[name])} columns, the map names {values.shape[1]}")
     return frames.flip_vector(values) if entry.get("frame", "z up") == "z down" else values
 

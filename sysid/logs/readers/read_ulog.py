@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flight import FlightError, FlightLog, FormatError, InputError, errors, frames, rotations
-from flight.flight_log import COLUMNS
+from flight.flight_log import COLUMNS, MOST_ROTORS, columns_of
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.events import clock, resets
@@ -122,7 +122,7 @@ def _three(data: dict[str, Any], names: tuple[str, ...]) -> FloatArray:
 
 
 def _columns(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
-    return dict(zip(COLUMNS[quantity], values.T, strict=True))
+    return columns_of(quantity, values)
 
 
 def _streams(topics: dict[str, Any]) -> dict[str, Stream]:
@@ -206,11 +206,11 @@ def _motors(topics: dict[str, Any]) -> Named:
     """Of `actuator_motors`; where it was not logged, as before PX4 1.13, of outputs that are pulses in us."""
     if "actuator_motors" in topics:
         data = topics["actuator_motors"]
-        return "actuator_motors", {"time_s": _time(data), **_ratios(_four(data, "control"))}
+        return "actuator_motors", {"time_s": _time(data), **_ratios(_motor_values(data, "control"))}
     if "actuator_outputs" not in topics:
         return "", {}
     data = topics["actuator_outputs"]
-    pulse_us = _four(data, "output")
+    pulse_us = _motor_values(data, "output")
     on = pulse_us[pulse_us > 0.0]
     if not len(on) or on.min() < PULSES_US[0] or on.max() > PULSES_US[1]:
         return "", {}
@@ -219,13 +219,19 @@ def _motors(topics: dict[str, Any]) -> Named:
     return "actuator_outputs", {"time_s": _time(data), **_ratios(ratio)}
 
 
-def _four(data: dict[str, Any], name: str) -> FloatArray:
-    """(n, 4) of motors 1 to 4."""
-    return np.stack([np.asarray(data[f"{name}[{i}]"], dtype=np.float64) for i in range(4)], axis=1)
+def _motor_values(data: dict[str, Any], name: str) -> FloatArray:
+    """(n, r) of motors 1 to 4, and of as many more as ever have a value: PX4 writes NaN or 0 for those it has not."""
+    every = (np.asarray(data.get(f"{name}[{i}]", np.nan), dtype=np.float64) for i in range(MOST_ROTORS))
+    return _used([np.broadcast_to(values, len(data["timestamp"])) for values in every])
+
+
+def _used(each: list[FloatArray]) -> FloatArray:
+    more = next((i for i in range(4, len(each)) if not np.nan_to_num(each[i]).any()), len(each))
+    return np.stack(each[:more], axis=1)
 
 
 def _ratios(values: FloatArray) -> Stream:
-    return {f"motor_command_{i}_ratio": values[:, i] for i in range(4)}
+    return {f"motor_command_{i}_ratio": column for i, column in enumerate(values.T)}
 
 
 def _battery(topics: dict[str, Any]) -> Named:
@@ -236,9 +242,10 @@ def _battery(topics: dict[str, Any]) -> Named:
 
 
 def _rotor_speeds(topics: dict[str, Any]) -> Named:
-    """Speeds in the order of PX4's motors 1 to 4, sizes only."""
+    """Speeds in the order of PX4's motors, sizes only."""
     if "esc_status" not in topics:
         return "", {}
     data = topics["esc_status"]
-    speeds = np.stack([np.asarray(data[f"esc[{i}].esc_rpm"], dtype=np.float64) for i in range(4)], axis=1)
+    names = [name for i in range(MOST_ROTORS) if (name := f"esc[{i}].esc_rpm") in data]
+    speeds = _used([np.asarray(data[name], dtype=np.float64) for name in names])
     return "esc_status", {"time_s": _time(data), **_columns("rotor_speed_rad_s", np.abs(speeds) * RAD_S_PER_RPM)}

@@ -21,7 +21,7 @@ def reference(drone, path, pieces, fractions):
     start_s = path.starts_s[pieces.segment] + pieces.start_s
     state = flatness.state(drone, path, (start_s[:, None] + pieces.length_s[:, None] * inside).ravel())
     columns = [np.cos(state.tilt_rad), state.rate_body_rad_s, state.rotor_speed_rad_s]
-    return np.column_stack(columns).reshape(len(start_s), len(fractions), attitude.VALUES)
+    return np.column_stack(columns).reshape(len(start_s), len(fractions), 8)
 
 
 @pytest.mark.parametrize("longest_s", [0.5, 0.2])
@@ -32,7 +32,7 @@ def test_interpolated_values_are_those_of_flatness_within_their_allowance(drone,
         pieces = attitude.pieces_of(path.durations_s, np.arange(5), longest_s)
         found = attitude.coefficients(drone, path, pieces)
         repeated, tiled = np.repeat(found, 21, axis=0), np.tile(fractions, len(found))
-        values = attitude.at_fractions(repeated, tiled).reshape(len(found), 21, attitude.VALUES)
+        values = attitude.at_fractions(repeated, tiled).reshape(len(found), 21, 8)
         off = np.abs(values - reference(drone, path, pieces, fractions)).max(axis=1) - limits.allowance(found)
         assert np.nanmax(off[:, attitude.UP]) < 1e-6
         assert np.nanmax(off[:, attitude.RATE]) < 1e-3

@@ -127,7 +127,7 @@ def test_the_battery_empties_as_it_flies():
 
 def test_bad_commands_are_refused():
     plant = simulate.Plant(vehicle.example())
-    with pytest.raises(InputError, match="four finite"):
+    with pytest.raises(InputError, match="4 finite"):
         plant.step(np.array([1.0, 2, np.nan, 3]), 0.01)
     with pytest.raises(InputError, match=r"expected shape \(4,\) or \(1, 4\), got \(1, 3\)"):
         plant.step(np.zeros(3), 0.01)

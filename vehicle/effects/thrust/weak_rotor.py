@@ -6,8 +6,17 @@ from vehicle.effects.base import Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
-    loss = np.stack(np.broadcast_arrays(p.loss_0, p.loss_1, p.loss_2, p.loss_3)).reshape(4, -1)
+    rotors = len(flow.thrust_n)
+    loss = np.stack(np.broadcast_arrays(*(getattr(p, f"loss_{i}") for i in range(rotors)))).reshape(rotors, -1)
     flow.thrust_n *= 1.0 - loss
+
+
+def of_rotors(count: int) -> tuple[Spec, ...]:
+    """One loss for each rotor; the self-test plants two."""
+    planted = {1: 0.05, 3: 0.02}
+    return tuple(
+        Spec(f"loss_{i}", "1", prior=0.03, bounds=(-0.5, 1.0), planted=planted.get(i, 0.0)) for i in range(count)
+    )
 
 
 EFFECT = Effect(
@@ -17,12 +26,8 @@ EFFECT = Effect(
     form="one rotor loses a share",
     stage=Stage.THRUST_FACTOR,
     apply=apply,
-    parameters=(
-        Spec("loss_0", "1", prior=0.03, bounds=(-0.5, 1.0), planted=0.0),
-        Spec("loss_1", "1", prior=0.03, bounds=(-0.5, 1.0), planted=0.05),
-        Spec("loss_2", "1", prior=0.03, bounds=(-0.5, 1.0), planted=0.0),
-        Spec("loss_3", "1", prior=0.03, bounds=(-0.5, 1.0), planted=0.02),
-    ),
+    parameters=of_rotors(4),
+    each_rotor=of_rotors,
     law="T_i (1 - e_i)",
     source="own; the usual actuator-effectiveness factor of fault diagnosis",
     channel="M_x M_y F_z",

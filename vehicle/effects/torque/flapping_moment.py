@@ -5,8 +5,8 @@ from vehicle.effects.base import PER_ROTOR_SPEED_SQUARED, Effect, Flow, Spec, St
 
 def apply(flow: Flow, p: Values) -> None:
     a_x, a_y, _ = flow.hub_velocity_m_s()
-    flow.torque_n_m[0] -= (p.moment_kg_m * flow.rotor_speed_rad_s * a_y).sum(axis=0)
-    flow.torque_n_m[1] += (p.moment_kg_m * flow.rotor_speed_rad_s * a_x).sum(axis=0)
+    flow.add_rotor_torque(0, -1.0, p.moment_kg_m * flow.rotor_speed_rad_s * a_y)
+    flow.add_rotor_torque(1, 1.0, p.moment_kg_m * flow.rotor_speed_rad_s * a_x)
 
 
 EFFECT = Effect(

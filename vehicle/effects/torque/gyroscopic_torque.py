@@ -1,9 +1,15 @@
 """Turning the body turns the rotors' net angular momentum: a torque across both."""
 
-from vehicle.effects.base import INERTIA, Effect, Flow, Spec, Stage, Values
+import numpy as np
+
+from vehicle.effects.base import INERTIA, Effect, Flow, Spec, Stage, Values, cross
 
 
 def apply(flow: Flow, p: Values) -> None:
+    if flow.tilt is not None:
+        along = np.einsum("ir,rn->in", flow.tilt[:, 2], flow.spin * flow.rotor_speed_rad_s)
+        flow.torque_n_m -= cross(flow.rate_rad_s, p.rotor_inertia_kg_m2 * along)
+        return
     momentum = p.rotor_inertia_kg_m2 * (flow.spin * flow.rotor_speed_rad_s).sum(axis=0)
     w_x, w_y, _ = flow.rate_rad_s
     flow.torque_n_m[0] -= w_y * momentum

@@ -5,7 +5,7 @@ from vehicle.effects.base import INERTIA, Effect, Flow, Spec, Stage, Values
 
 def apply(flow: Flow, p: Values) -> None:
     assert flow.rotor_acceleration_rad_s2 is not None
-    flow.torque_n_m[2] -= p.rotor_inertia_kg_m2 * (flow.spin * flow.rotor_acceleration_rad_s2).sum(axis=0)
+    flow.add_rotor_torque(2, -p.rotor_inertia_kg_m2, flow.spin * flow.rotor_acceleration_rad_s2)
 
 
 EFFECT = Effect(

@@ -4,7 +4,7 @@ from vehicle.effects.base import YAW, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
-    flow.torque_n_m[2] -= p.torque_n_m_s2 * (flow.spin * flow.rotor_speed_rad_s**2).sum(axis=0)
+    flow.add_rotor_torque(2, -p.torque_n_m_s2, flow.spin * flow.rotor_speed_rad_s**2)
 
 
 EFFECT = Effect(

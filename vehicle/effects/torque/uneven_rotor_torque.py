@@ -6,9 +6,19 @@ from vehicle.effects.base import YAW, Effect, Flow, Spec, Stage, Values
 
 
 def apply(flow: Flow, p: Values) -> None:
-    torques = np.broadcast_arrays(p.torque_0_n_m_s2, p.torque_1_n_m_s2, p.torque_2_n_m_s2, p.torque_3_n_m_s2)
-    more = np.stack(torques).reshape(4, -1)
-    flow.torque_n_m[2] -= (more * flow.spin * flow.rotor_speed_rad_s**2).sum(axis=0)
+    rotors = len(flow.rotor_speed_rad_s)
+    torques = np.broadcast_arrays(*(getattr(p, f"torque_{i}_n_m_s2") for i in range(rotors)))
+    more = np.stack(torques).reshape(rotors, -1)
+    flow.add_rotor_torque(2, -1.0, more * flow.spin * flow.rotor_speed_rad_s**2)
+
+
+def of_rotors(count: int) -> tuple[Spec, ...]:
+    """One torque for each rotor; the self-test plants two."""
+    planted = {1: 3e-9, 3: -2e-9}
+    return tuple(
+        Spec(f"torque_{i}_n_m_s2", "N m s2", prior=1e-9, bounds=(-1e-5, 1e-5), planted=planted.get(i, 0.0), scaling=YAW)
+        for i in range(count)
+    )
 
 
 EFFECT = Effect(
@@ -18,10 +28,8 @@ EFFECT = Effect(
     form="quadratic, each rotor's own",
     stage=Stage.FORCE,
     apply=apply,
-    parameters=tuple(
-        Spec(f"torque_{i}_n_m_s2", "N m s2", prior=1e-9, bounds=(-1e-5, 1e-5), planted=planted, scaling=YAW)
-        for i, planted in enumerate((0.0, 3e-9, 0.0, -2e-9))
-    ),
+    parameters=of_rotors(4),
+    each_rotor=of_rotors,
     law="M_z = -sum spin_i e_i n_i^2, beside the torque that all rotors share",
     source="own; with weak_rotor the actuator-effectiveness factors of fault diagnosis, thrust and torque apart",
     channel="M_z",

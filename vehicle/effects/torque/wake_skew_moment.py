@@ -19,8 +19,8 @@ def apply(flow: Flow, p: Values) -> None:
     v_ind = induced_velocity(np.ones_like(a_z), a_z, edgewise_squared, positive(flow.thrust_n), 0.0, two_rho_area)
     through_wake = np.sqrt(edgewise_squared + (a_z + v_ind) ** 2 + 1e-12)
     strength = flow.rotor_speed_rad_s * v_ind / through_wake
-    flow.torque_n_m[0] += (p.roll_kg_m * strength * a_y).sum(axis=0)
-    flow.torque_n_m[1] -= (p.pitch_kg_m * strength * a_x).sum(axis=0)
+    flow.add_rotor_torque(0, 1.0, p.roll_kg_m * strength * a_y)
+    flow.add_rotor_torque(1, -1.0, p.pitch_kg_m * strength * a_x)
 
 
 EFFECT = Effect(
