@@ -210,13 +210,18 @@ def parameters_of(vehicle: VehicleLike, **overrides: float) -> Configuration:
     return Configuration(checked({**values, **overrides}), tuple(left))
 
 
-def require_four(vehicle: VehicleLike) -> None:
-    """Raises `InputError` for what the controller's mixer cannot drive."""
+def require_four(vehicle: VehicleLike, stage: str = "") -> None:
+    """Raises `InputError` for what the controller's mixer cannot drive.
+
+    Args:
+        stage: what needs it, a clause that the sentence begins with.
+    """
     if len(vehicle.spin) != 4 or vehicle.axis_body is not None:
         rotors = f"{len(vehicle.spin)} rotors" if vehicle.axis_body is None else "tilted rotors"
+        whose = f"{stage}, whose" if stage else "the controller's"
         raise InputError(
-            f"the controller's mixer drives four rotors along body z, this vehicle has {rotors}: fly it by a firmware "
-            "that mixes them (goshawk fly PLAN --on betaflight:... or mavlink:...)"
+            f"{whose} mixer drives four rotors along body z; this vehicle "
+            f"has {rotors}: fly it by a firmware that mixes them (goshawk fly PLAN --on betaflight:... or mavlink:...)"
         )
 
 

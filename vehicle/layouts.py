@@ -53,7 +53,8 @@ OWN = {
     "octo": _ring(-22.5, 8, "front left (clockwise unless --props-out) and on to the left, neighbours opposite"),
     "octo+": _ring(0.0, 8, "front (clockwise unless --props-out) and on to the left, neighbours opposite"),
     "y6": _coaxial(
-        (-60.0, 180.0, 60.0), (_CW, _CW, _CW), "above: front left, rear, front right, all clockwise; below opposite"
+        (-60.0, 180.0, 60.0), (_CW, _CCW, _CW),
+        "above: front left (clockwise), rear (the other way), front right (clockwise); below opposite",
     ),
     "x8": _coaxial(
         (-45.0, -135.0, 135.0, 45.0), (_CW, _CCW, _CW, _CCW),

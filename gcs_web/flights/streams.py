@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flight import FloatArray, InputError, flight_log
-from flight.flight_log import COLUMNS, SCALARS, UNITS
+from flight.flight_log import COLUMNS, MOST_ROTORS, SCALARS, UNITS, rotor_columns
 from gcs_web.flights.pyramid import Small
 from gcs_web.protocol.flights import CurveKind
 
@@ -108,8 +108,8 @@ def _position(axis: int) -> Quantity:
 
 def _rotor(i: int) -> Quantity:
     curves = (
-        _one(COLUMNS["rotor_speed_command_rad_s"][i], "command", "plan"),
-        _one(COLUMNS["rotor_speed_rad_s"][i], MEASURED, "measured"),
+        _one(rotor_columns("rotor_speed_command_rad_s", MOST_ROTORS)[i], "command", "plan"),
+        _one(rotor_columns("rotor_speed_rad_s", MOST_ROTORS)[i], MEASURED, "measured"),
     )
     return Quantity(f"rotor_{i}", f"Rotor {i}", "rad/s", curves)
 
@@ -127,7 +127,7 @@ _QUANTITIES: tuple[Quantity, ...] = (
         Quantity(f"rate_{a}", f"Body rate {a}", "°/s", (_one(name, MEASURED, "measured", float(np.degrees(1.0))),))
         for a, name in zip("xyz", COLUMNS["rate_body_rad_s"], strict=True)
     ),
-    *(_rotor(i) for i in range(4)),
+    *(_rotor(i) for i in range(MOST_ROTORS)),
     Quantity("battery", "Battery", "V", (_one("battery_v", MEASURED, "measured"),)),
 )
 

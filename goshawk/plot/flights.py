@@ -7,6 +7,7 @@ import numpy as np
 
 from firmware_bridge.controller import State
 from flight import FlightLog, FloatArray, InputError
+from flight.flight_log import ROTOR_QUANTITIES
 from sysid.report import drawing
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _PANELS = {
     "velocity_world_m_s": ("velocity", "m/s", "xyz"),
     "rate_body_rad_s": ("body rate", "rad/s", "xyz"),
     "specific_force_body_m_s2": ("specific force", "m/s²", "xyz"),
-    "rotor_speed_rad_s": ("rotor speed", "rad/s", "0123"),
+    "rotor_speed_rad_s": ("rotor speed", "rad/s", ""),
     "disturbance_force_world_n": ("measured disturbance force, world axes", "N", "xyz"),
     "disturbance_torque_body_n_m": ("measured disturbance torque, body axes", "N m", "xyz"),
 }
@@ -80,6 +81,8 @@ def _path(panel: "Axes", shown: FlightLog, up: int) -> None:
 
 def _over_time(panel: "Axes", shown: FlightLog, name: str, *, last: bool) -> None:
     title, unit, components = _PANELS[name]
+    if name in ROTOR_QUANTITIES:
+        components = "01234567"[: len(shown.names(name))]
     values, wanted = shown.vector(name), _SET_POINTS.get(name, "")
     for i, (component, colour) in enumerate(zip(components, drawing.cycle(components), strict=True)):
         panel.plot(shown.time_s, values[:, i], color=colour, linewidth=1.1, label=component)

@@ -7,7 +7,7 @@ from typing import Any
 import mapping
 import preflight
 import vehicle
-from firmware_bridge import wire
+from firmware_bridge import controller, wire
 from firmware_bridge.link import refuse_unfit
 from flight import FormatError, TrajectoryFile
 from goshawk.terminal import console
@@ -50,10 +50,11 @@ def subject(item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle, 
     """What is flown, if the trajectory was checked in this map for this vehicle.
 
     Raises:
-        InputError: it was not.
+        InputError: it was not, or the vehicle has other rotors than the controller's mixer.
         MapError: the map was refused.
         FormatError: as `of_map`.
     """
+    controller.require_four(believed, "a preflight flies the embedded controller")
     area.require_not_refused()
     refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
     return Subject(item, area, believed, replace(options, uncertainty=of_map(area, options.uncertainty)))

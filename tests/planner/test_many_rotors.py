@@ -1,0 +1,78 @@
+"""Plans for six and eight rotors: the gate proves each rotor's limits with the allocation that flies."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import planner
+from flight import Waypoints
+from planner import PlanOptions
+from planner.gate import gate
+from planner.optimise import airframe
+from planner.optimise.corrections import measured_excess
+from vehicle import Parameter, draft, flatness
+from vehicle.draft import Known
+
+WAY = Waypoints(np.array([[0, 0, 1.5], [5, 0, 2], [5, 5, 1.5], [0, 5, 2.5]]), np.full(4, np.nan))
+
+
+def made(frame: str, axis_body=None):
+    hubs, spin = draft.layout(0.28, frame)
+    mass, radius = Parameter(1.6, 0.01, "kg", "given"), Parameter(0.115, 0.0, "m", "given")
+    known = Known(
+        name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, axis_body=axis_body, rotor_radius_m=radius,
+        hover_rad_s=500.0, rotor_speed_max_rad_s=900.0,
+    )  # fmt: skip
+    return draft.draft(known, limits="race").with_effect("rotor_drag_speed", drag_kg=1e-4)
+
+
+@pytest.fixture(scope="module", params=["hex", "octo", "x8"])
+def planned(request, open_sky):
+    drone = made(request.param)
+    return drone, planner.plan(WAY, open_sky, drone)
+
+
+def test_the_gate_passes_and_every_rotor_stays_within_its_limits(planned):
+    drone, plan = planned
+    assert plan.gate.passed
+    speed = flatness.state(drone, plan.trajectory, plan.trajectory.sample(0.002)).rotor_speed_rad_s
+    assert speed.shape[1] == drone.rotors
+    assert drone.limits.rotor_speed_min_rad_s < speed.min()
+    assert speed.max() < drone.limits.rotor_speed_max_rad_s
+
+
+def test_a_limit_below_what_one_rotor_needs_is_found_by_the_gate(planned, open_sky):
+    drone, plan = planned
+    speed = flatness.state(drone, plan.trajectory, plan.trajectory.sample(0.002)).rotor_speed_rad_s
+    tight = drone.with_limits(rotor_speed_max_rad_s=float(speed.max()) * 0.99)
+    found = gate.check(plan.trajectory, open_sky, tight, PlanOptions(control_reserve=0.0))
+    assert not found.passed
+    assert any("rotor speed" in one.name and not one.passed for one in found.checks)
+
+
+@settings(max_examples=15)
+@given(st.sampled_from(("hex", "octo")), st.integers(0, 1000))
+def test_the_reduced_model_of_many_rotors_is_exact_near_hover_and_its_idle_rows_never_bind(frame, seed):
+    drone = made(frame)
+    reduced = airframe.reduced(drone, drone.limits)
+    rng = np.random.default_rng(seed)
+    motion = 1e-3 * rng.normal(size=(4, 5, 4))
+    excess = airframe.excess_numpy(reduced, motion)
+    assert excess.shape[1] == len(reduced.names) == 22
+    fast, slow = excess[:, 6:14], excess[:, 14:]
+    assert (fast[:, drone.rotors :] == -1.0).all()
+    assert (slow[:, drone.rotors :] == -1.0).all()
+    # fastest and slowest sum to what lies between the limits, whatever is flown
+    between = reduced.effort_least - reduced.effort_most
+    np.testing.assert_allclose(fast + slow, np.tile(between, (4, 1)), atol=1e-9)
+    still = airframe.excess_numpy(reduced, np.zeros((1, 5, 4)))[0, 6 : 6 + drone.rotors]
+    np.testing.assert_allclose(still, 1.0 - reduced.effort_most[: drone.rotors], atol=1e-6)
+
+
+def test_what_the_model_measures_has_a_column_for_each_rotor_of_the_kernel(planned):
+    drone, plan = planned
+    frame = airframe.reduced(drone, drone.limits)
+    found = measured_excess(frame, drone, plan.trajectory, np.array([0]), np.linspace(0.0, 1.0, 5))
+    assert found.shape == (1, 5, len(frame.names))
+    assert np.isfinite(found).all()
