@@ -122,3 +122,43 @@ def test_the_schema_accepts_what_new_writes_and_refuses_a_wrong_unit(tmp_path):
 def test_the_schema_knows_every_effect_of_the_catalogue():
     described = json.loads(run("vehicle", "schema"))
     assert set(described["properties"]["effect"]["properties"]) == set(vehicle.effects.catalogue())
+
+
+@pytest.mark.parametrize(
+    ("frame", "rotors"), [("hex", 6), ("hex+", 6), ("octo", 8), ("octo+", 8), ("y6", 6), ("x8", 8)]
+)
+def test_a_frame_of_six_or_eight_is_made_shown_and_set(tmp_path, frame, rotors):
+    out = tmp_path / "more.toml"
+    said = run("vehicle", "new", out, "--frame", frame, "--mass", 1.6, "--arm", 0.28, "--prop-diameter", 0.23)
+    assert f"{frame} frame" in said
+    made = vehicle.load(out)
+    assert made.rotors == rotors
+    shown = json.loads(run("vehicle", "show", out, "--json"))
+    assert len(shown["rotors"]) == rotors
+    run("vehicle", "set", out, "limits=race")
+    assert vehicle.load(out).limits.speed_m_s > made.limits.speed_m_s
+    jsonschema.validate(tomllib.loads(out.read_text()), json.loads(run("vehicle", "schema")))
+
+
+def test_rotors_are_numbered_as_a_firmware_numbers_its_motors(tmp_path):
+    sheet = ("--frame", "hex", "--mass", 1.6, "--arm", 0.28, "--prop-diameter", 0.23)
+    said = run("vehicle", "new", tmp_path / "six.toml", *sheet, "--motor-order", "ardupilot")
+    assert "ArduPilot's motors of Hexa X" in said
+    six = vehicle.load(tmp_path / "six.toml")
+    assert six.hub_body_m[0] == pytest.approx([0.0, -0.28, 0.0], abs=1e-6)
+    assert six.spin.tolist() == [-1, 1, -1, 1, 1, -1]
+    wrong = ("--frame", "y6", *sheet[2:], "--motor-order", "px4")
+    assert "not known in the order of px4" in run("vehicle", "new", tmp_path / "y.toml", *wrong, code=2)
+
+
+@pytest.mark.parametrize("verb", ["sitl", "params"])
+def test_what_flies_the_embedded_mixer_refuses_six_rotors_at_once(tmp_path, verb):
+    out = tmp_path / "six.toml"
+    run("vehicle", "new", out, "--frame", "hex", "--mass", 1.6, "--arm", 0.28, "--prop-diameter", 0.23)
+    said = (
+        run("sitl", "--vehicle", out, code=2)
+        if verb == "sitl"
+        else run("params", "set", "--vehicle", out, "--dry-run", code=2)
+    )
+    assert "mixer drives four rotors along body z; this vehicle has 6 rotors" in said
+    assert "goshawk fly PLAN --on" in said

@@ -1,0 +1,74 @@
+"""Off board a vehicle of six or eight rotors is flown by collective thrust and body rates; the embedded mixer is not."""
+
+import numpy as np
+import pytest
+
+import vehicle
+from firmware_bridge import controller
+from flight import InputError
+from goshawk.commands.fly import many_rotors, offboard
+from vehicle import Parameter, draft, invert
+from vehicle.draft import Known
+
+
+def made(frame: str, lean_rad: float = 0.0) -> vehicle.Vehicle:
+    hubs, spin = draft.layout(0.28, frame)
+    outward = hubs / np.linalg.norm(hubs, axis=1)[:, None]
+    aside = -np.cross([0.0, 0.0, 1.0], outward) * spin[:, None]
+    axis = np.cos(lean_rad) * np.array([0.0, 0.0, 1.0]) + np.sin(lean_rad) * aside
+    mass, radius = Parameter(1.6, 0.01, "kg", "given"), Parameter(0.115, 0.0, "m", "given")
+    known = Known(
+        name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, axis_body=axis if lean_rad else None,
+        rotor_radius_m=radius, hover_rad_s=500.0, rotor_speed_max_rad_s=900.0,
+    )  # fmt: skip
+    return draft.draft(known)
+
+
+@pytest.mark.parametrize("frame", ["hex", "octo", "y6"])
+def test_four_rotors_stand_in_with_the_same_force_at_the_same_speed_in_flight(frame):
+    drone = made(frame).with_effect("rotor_drag_speed", drag_kg=1e-4).with_effect("inflow_linear", inflow_kg=2e-4)
+    four = many_rotors.as_four(drone)
+    rng = np.random.default_rng(1)
+    air, speed = rng.normal(0.0, 4.0, (10, 3)), rng.uniform(300.0, 800.0, (10, 1))
+    still = np.zeros((10, 3))
+    theirs, _ = vehicle.wrench(drone, air, still, np.repeat(speed, drone.rotors, axis=1))
+    ours, _ = vehicle.wrench(four, air, still, np.repeat(speed, 4, axis=1))
+    np.testing.assert_allclose(ours, theirs, rtol=1e-9)
+    np.testing.assert_allclose(invert.hover(four), 500.0, rtol=2e-4)
+
+
+def test_leaning_and_weak_rotors_pull_less():
+    four = many_rotors.as_four(made("hex", 0.2).with_effect("weak_rotor", loss_2=0.3))
+    expected = np.cos(0.2) * (1.0 - 0.3 / 6.0) * made("hex", 0.2).value("thrust_quadratic.k_n_s2") * 1.5
+    assert four.value("thrust_quadratic.k_n_s2") == pytest.approx(expected)
+    assert "weak_rotor" not in four.effects
+
+
+def test_four_upright_rotors_are_left_as_they_are():
+    drone = vehicle.example()
+    assert many_rotors.as_four(drone) is drone
+
+
+@pytest.mark.parametrize("frame", ["hex", "octo"])
+def test_the_controller_on_the_ground_takes_what_stands_in(frame):
+    drone = made(frame)
+    values = controller.parameters_of(many_rotors.as_four(drone)).parameters
+    assert values["mass_kg"] == drone.mass_kg
+    built = controller.Controller(controller.parameters_of(many_rotors.as_four(drone)))
+    assert built.parameters()["mass_kg"] == pytest.approx(drone.mass_kg)
+    with pytest.raises(InputError, match="drives four rotors along body z; this vehicle has"):
+        controller.parameters_of(drone)
+
+
+@pytest.mark.parametrize("frame", ["x", "hex", "octo"])
+def test_the_thrust_map_is_that_of_all_rotors(frame):
+    drone = made(frame)
+    full = drone.rotors * drone.value("thrust_quadratic.k_n_s2") * drone.limits.rotor_speed_max_rad_s**2
+    assert offboard.thrust_map(drone).force_n(1.0) == pytest.approx(full, rel=1e-3)
+
+
+def test_tilted_rotors_have_no_embedded_mixer_and_no_rehearsal():
+    with pytest.raises(InputError, match="has tilted rotors"):
+        controller.parameters_of(made("x", 0.1))
+    with pytest.raises(InputError, match="no rehearsal"):
+        offboard.body_of(made("hex"), None, seed=0)

@@ -1,0 +1,116 @@
+"""Logs of six and eight rotors: columns, readers, order and spins, and a vehicle file with another number."""
+
+import numpy as np
+import pytest
+
+import sysid
+from flight import FlightLog, InputError, flight_log
+from flight.flight_log import from_vectors, rotor_columns
+from sysid.logs.apply import apply
+from sysid.logs.check import check_log
+from sysid.logs.checks.rotor_order import examine
+from sysid.logs.events.repair import Repair
+from sysid.logs.motors.full_throttle import by_limit, ratios
+from sysid.logs.readers.read_ulog import _motor_values
+from vehicle import Parameter, allocation, draft
+from vehicle.draft import Known
+
+SPEED = "rotor_speed_rad_s"
+
+
+def made(frame: str):
+    hubs, spin = draft.layout(0.16, frame)
+    mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
+    return draft.draft(
+        Known(name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0)
+    )
+
+
+def turning(truth, rng: np.random.Generator) -> FlightLog:
+    """Rolls, pitches and yaws, the rotors sharing what torque it takes."""
+    inertia = np.array([truth.value(f"inertia_{2 * axis}_kg_m2") for axis in "xyz"])
+    by_wrench = allocation.shares(truth) if truth.rotors > 4 else None
+    assert by_wrench is not None
+    by_square, step_s = np.linalg.pinv(by_wrench), 0.0025
+    size = np.array([[2.0], [2.0], [0.5]]) * rng.uniform(0.5, 1.0, (3, 3))
+    turns, phase = 2.0 * np.pi * rng.uniform(0.5, 3.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
+    rate, squared, kept = np.zeros(3), np.full(truth.rotors, 500.0**2), []
+    idle = np.eye(truth.rotors) - by_wrench @ by_square  # what no controller uses moves by itself, as rotors do
+    for i in range(6000):
+        wanted = (size * np.sin(turns * i * step_s + phase)).sum(axis=1)
+        demand = by_wrench @ np.r_[truth.mass_kg * 9.81, 20.0 * inertia * (wanted - rate)]
+        demand += idle @ rng.normal(0.0, 3e4, truth.rotors)
+        squared = squared + (np.clip(demand, 200.0**2, 900.0**2) - squared) * step_s / 0.03
+        rate = rate + step_s * ((by_square @ squared)[1:] - np.cross(rate, inertia * rate)) / inertia
+        kept.append(np.r_[rate, np.sqrt(squared)])
+    logged = np.array(kept[::4])
+    logged += np.array([0.01] * 3 + [1.0] * truth.rotors) * rng.standard_normal(logged.shape)
+    vectors = {"rate_body_rad_s": logged[:, :3], SPEED: logged[:, 3:]}
+    return from_vectors(np.arange(len(logged), dtype=np.float64) * (4.0 * step_s), vectors)
+
+
+def with_columns(log: FlightLog, order) -> FlightLog:
+    names = log.names(SPEED)
+    return FlightLog({**log.columns, **{n: log.columns[names[k]] for n, k in zip(names, order, strict=True)}}, {})
+
+
+@pytest.mark.parametrize("count", [4, 6, 8])
+def test_a_log_of_any_rotors_reads_back(tmp_path, count):
+    values = np.arange(5.0 * count).reshape(5, count)
+    log = from_vectors(np.arange(5.0), {SPEED: values})
+    flight_log.save(tmp_path / "log.parquet", log)
+    read = flight_log.load(tmp_path / "log.parquet")
+    assert read.names(SPEED) == rotor_columns(SPEED, count)
+    np.testing.assert_array_equal(read.vector(SPEED), values)
+
+
+@pytest.mark.parametrize("count", [3, 9])
+def test_other_numbers_of_rotors_are_no_log(count):
+    with pytest.raises(InputError, match="expected shape"):
+        from_vectors(np.arange(5.0), {SPEED: np.zeros((5, count))})
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2, 3, 4, 5), (1, 0, 2, 3, 4, 5), (0, 4, 2, 3, 1, 5)])
+def test_the_order_of_six_rotors_is_found_and_mended(order):
+    truth = made("hex")
+    log = turning(truth, np.random.default_rng(1))
+    shown = with_columns(log, order)
+    rate = (shown.time_s, shown.vector("rate_body_rad_s"))
+    found = examine(shown, rate, truth)
+    assert found.order == tuple(np.argsort(order))
+    assert found.spin == tuple(truth.spin)
+    mended = apply(shown, Repair("rotor order", found.columns, order=found.order))
+    np.testing.assert_array_equal(mended.vector(SPEED), log.vector(SPEED))
+
+
+@pytest.mark.slow
+def test_the_order_of_eight_rotors_is_never_found_wrong():
+    """Neighbours of eight are alike: it may stay inconclusive."""
+    truth = made("octo")
+    log = turning(truth, np.random.default_rng(2))
+    assert examine(log, (log.time_s, log.vector("rate_body_rad_s")), truth).order in (None, tuple(range(8)))
+
+
+@pytest.mark.parametrize(("log_of", "file_of"), [("hex", "octo"), ("octo", "hex"), ("hex", "x")])
+def test_a_file_of_another_number_of_rotors_is_refused_at_once(log_of, file_of):
+    log, other = turning(made(log_of), np.random.default_rng(3)), made(file_of)
+    (found,) = [f for f in check_log(log, other).findings if f.what == "rotor count"]
+    assert found.level == "error"
+    assert f"the log has {made(log_of).rotors} rotors, {file_of} has {other.rotors}" in found.sentence
+    with pytest.raises(InputError, match=rf"has {made(log_of).rotors} rotors, {file_of} has {other.rotors}"):
+        sysid.identify([log], other)
+
+
+def test_motor_commands_of_six_become_six_speeds():
+    columns = {f"motor_command_{i}_ratio": np.full(5, 0.1 * (i + 1)) for i in range(6)}
+    log = FlightLog({"time_s": np.arange(5.0), **columns}, {})
+    assert len(ratios(log)) == 6
+    speeds = by_limit(log, 1000.0).vector("rotor_speed_command_rad_s")
+    np.testing.assert_allclose(speeds[0], 100.0 * np.arange(1, 7))
+
+
+def test_a_ulog_has_as_many_motors_as_ever_had_a_value():
+    data = {"timestamp": np.arange(3), **{f"control[{i}]": np.full(3, 0.5 if i < 6 else np.nan) for i in range(12)}}
+    assert _motor_values(data, "control").shape == (3, 6)
+    data |= {f"control[{i}]": np.full(3, np.nan) for i in (4, 5)}
+    assert _motor_values(data, "control").shape == (3, 4)
