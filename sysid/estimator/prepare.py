@@ -17,7 +17,7 @@ from sysid.estimator.motors import battery, motor, rotor_speed
 from sysid.estimator.options import Options
 from sysid.estimator.without_pose.excited import require_range
 from sysid.logs.apply import apply
-from sysid.logs.checks import contact, gyro_clock
+from sysid.logs.checks import contact, gyro_clock, rotor_count
 from sysid.logs.checks.clocks import Offset
 from sysid.logs.checks.motion import kinematics
 from sysid.logs.checks.payload import carries_payload
@@ -25,7 +25,7 @@ from sysid.logs.events import recording
 from sysid.logs.events.event import splits
 from sysid.logs.events.repair import Span
 from sysid.logs.events.stamps import longest_pause_s
-from sysid.logs.motors import full_throttle, rotor_count
+from sysid.logs.motors import full_throttle
 from sysid.logs.sensors import low_pass
 from vehicle import Vehicle
 

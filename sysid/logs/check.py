@@ -8,12 +8,12 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, silent
 from sysid.logs import manoeuvres
 from sysid.logs.apply import apply, joined
-from sysid.logs.checks import consistency, contact, samples
+from sysid.logs.checks import consistency, contact, rotor_count, samples
 from sysid.logs.checks.finding import Finding, error, warning
 from sysid.logs.events import recording
 from sysid.logs.events.event import Event
 from sysid.logs.events.repair import Span
-from sysid.logs.motors import full_throttle, rotor_count
+from sysid.logs.motors import full_throttle
 from sysid.logs.readers.read_ulog import LOST
 from vehicle import Vehicle
 

@@ -1,4 +1,4 @@
-"""Off board a vehicle of six or eight rotors is flown by collective thrust and body rates; the embedded mixer is not."""
+"""Off board six or eight rotors fly by collective thrust and body rates; the embedded mixer refuses them."""
 
 import numpy as np
 import pytest
