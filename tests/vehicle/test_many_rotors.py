@@ -234,3 +234,26 @@ def test_three_firmwares_hexarotors_are_read(tmp_path):
     known = import_px4.read(px4)
     np.testing.assert_allclose(known.hub_body_m, hubs, atol=1e-9)
     assert known.spin.tolist() == spin.tolist()
+
+
+@pytest.mark.parametrize("drone", [made("hex"), leaning("octo", 0.1)], ids=["hex", "octo"])
+def test_derivatives_agree_with_differences(drone):
+    drone = drone.with_effect("weak_rotor", loss_5=0.05).with_effect("rotor_drag_speed", drag_kg=1e-4)
+    rng, r = np.random.default_rng(4), drone.rotors
+    air, rate, speed = rng.normal(size=(3, 3)), rng.normal(size=(3, 3)), rng.uniform(300, 700, (3, r))
+    names = ("weak_rotor.loss_5", "inertia_xx_kg_m2")
+    found = dynamics.acceleration_jacobian(drone, air, rate, speed, parameters=names)
+    assert found.rotor_speed.shape == (3, 6, r)
+
+    def six(*motion, of=drone):
+        return np.concatenate(dynamics.acceleration(of, *motion), axis=1)
+
+    for i in range(r):
+        step = 1e-3 * np.eye(r)[i]
+        slope = (six(air, rate, speed + step) - six(air, rate, speed - step)) / 2e-3
+        np.testing.assert_allclose(found.rotor_speed[:, :, i], slope, rtol=1e-5, atol=1e-7)
+    for k, name in enumerate(names):
+        small = 1e-5 * max(drone.value(name), 1e-2)
+        up, down = (drone.with_value(name, drone.value(name) + sign * small) for sign in (1.0, -1.0))
+        slope = (six(air, rate, speed, of=up) - six(air, rate, speed, of=down)) / (2.0 * small)
+        np.testing.assert_allclose(found.parameters[:, :, k], slope, rtol=1e-4, atol=1e-6)
