@@ -140,13 +140,19 @@ def best_curve(model: Model, channels: Sequence[str]) -> Outside | None:
 
 
 def _curves(model: Model, channels: Sequence[str]) -> list[Outside]:
-    known = model.tried.curves
+    known, channels = model.tried.curves, _own(model, channels)
     fresh = [channel for channel in channels if channel not in known]
     alone = Given.of(model.evidence.named, model.evidence.base)
     for channel in fresh:
         blocks, groups = model.evidence.with_curves(channel), model.evidence.groups(channel)
         known[channel] = [Outside(channel, v, score(blocks, alone, columns), 1.0) for _, v, columns in groups]
     return [curve for channel in channels for curve in known[channel]]
+
+
+def _own(model: Model, channels: Sequence[str]) -> list[str]:
+    """Those that the vehicle has: a candidate may show in the thrust of any rotor there is."""
+    none = ROTORS[model.fit.vehicle.rotors :]
+    return [channel for channel in channels if channel not in none]
 
 
 def _beyond_chance(found: Score) -> bool:

@@ -10,6 +10,7 @@ import sysid
 from esdf import solids
 from flight import FlightLog, Trajectory, Waypoints
 from sysid.diagnosis import procedure
+from sysid.diagnosis.evidence import free_form
 from vehicle import Parameter, Vehicle, draft, flights, manoeuvres, simulate
 from vehicle.draft import Known
 from vehicle.simulation.tracking import Tracker
@@ -61,6 +62,15 @@ def flown(truth: Vehicle, file: Vehicle) -> list[FlightLog]:
         log = flights.measure(ride, rng=rng)
         logs.append(replace(log, metadata={**log.metadata, "name": name}))
     return logs
+
+
+@pytest.mark.parametrize("frame", ["x", "hex", "octo"])
+def test_curves_are_asked_of_the_rotors_that_there_are(frame):
+    hubs, spin = draft.layout(0.16, frame)
+    drone = replace(believed(), hub_body_m=hubs, spin=spin)
+    single = [name for name in free_form.channels_of(drone) if name in free_form.ROTORS]
+    assert single == [f"T_{i}" for i in range(drone.rotors)]
+    assert len(free_form.losses(drone)) == drone.rotors
 
 
 @pytest.mark.slow
