@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from firmware_bridge.crazyflie import crtp, flight, pieces, process
-from flight import FlightLog, Progress, TrajectoryFile
+from flight import FlightLog, InputError, Progress, TrajectoryFile
 from goshawk.commands.plan import poly4d
 from vehicle import Vehicle
 
@@ -27,9 +27,11 @@ def fly(
         The log, and why the flight ended early: empty if it did not.
 
     Raises:
-        InputError: the plan does not fit into its memory, near enough.
+        InputError: it has not four rotors, or the plan does not fit into its memory, near enough.
         LinkError: a check failed, nothing answers, or it does not arm.
     """
+    if model.rotors != 4:
+        raise InputError(f"{model.name} has {model.rotors} rotors; a Crazyflie has four: give its vehicle file")
     crtp.endpoint(address)
     refitted = poly4d.refit(item.trajectory).trajectory
     held = poly4d.compared(item.trajectory, pieces.unpacked(pieces.packed(refitted)))

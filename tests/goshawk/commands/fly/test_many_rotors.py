@@ -6,7 +6,8 @@ import pytest
 import vehicle
 from firmware_bridge import controller
 from flight import InputError
-from goshawk.commands.fly import many_rotors, offboard
+from goshawk.commands.fly import crazyflie, many_rotors, offboard
+from goshawk.commands.preflight import inputs
 from vehicle import Parameter, draft, invert
 from vehicle.draft import Known
 
@@ -72,3 +73,13 @@ def test_tilted_rotors_have_no_embedded_mixer_and_no_rehearsal():
         controller.parameters_of(made("x", 0.1))
     with pytest.raises(InputError, match="no rehearsal"):
         offboard.body_of(made("hex"), None, seed=0)
+
+
+def test_a_preflight_of_six_rotors_is_refused_before_anything_is_read():
+    with pytest.raises(InputError, match="a preflight flies the embedded controller, whose mixer drives four rotors"):
+        inputs.subject(None, None, made("hex"), None)
+
+
+def test_no_crazyflie_has_six_rotors():
+    with pytest.raises(InputError, match="has 6 rotors; a Crazyflie has four"):
+        crazyflie.fly(made("hex"), None, "radio://0", arms=False, progress=None, cancel=None)
