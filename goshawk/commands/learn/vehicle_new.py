@@ -237,10 +237,9 @@ def _show(out: Path, made: Vehicle, known: Known, preset: str, as_json: bool) ->
         f"from {ratio:.1f} ± {std:.1g} times its weight in thrust; --limits takes {', '.join(presets.PRESETS)}"
     )
     click.echo(f"written: {out}; {len(guessed)} of {len(shown)} numbers are defaults or estimates")
-    click.echo(
-        f"next, to simulate it: goshawk sitl --vehicle {out}\n"
-        f"or to fit it to its flights: goshawk identify FLIGHTS --vehicle {out} --out fitted.toml"
-    )
+    fit = f"to fit it to its flights: goshawk identify FLIGHTS --vehicle {out} --out fitted.toml"
+    simulated = made.rotors == 4 and made.axis_body is None  # by the embedded controller
+    click.echo(f"next, to simulate it: goshawk sitl --vehicle {out}\nor {fit}" if simulated else f"next, {fit}")
 
 
 @click.command("schema")

@@ -54,7 +54,7 @@ def subject(item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle, 
         MapError: the map was refused.
         FormatError: as `of_map`.
     """
-    controller.require_four(believed, "a preflight flies the embedded controller")
+    controller.require_four(believed, "a preflight flies our controller")
     area.require_not_refused()
     refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
     return Subject(item, area, believed, replace(options, uncertainty=of_map(area, options.uncertainty)))

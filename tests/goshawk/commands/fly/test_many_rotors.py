@@ -76,7 +76,7 @@ def test_tilted_rotors_have_no_embedded_mixer_and_no_rehearsal():
 
 
 def test_a_preflight_of_six_rotors_is_refused_before_anything_is_read():
-    with pytest.raises(InputError, match="a preflight flies the embedded controller, whose mixer drives four rotors"):
+    with pytest.raises(InputError, match="a preflight flies our controller, whose mixer drives four rotors"):
         inputs.subject(None, None, made("hex"), None)
 
 
