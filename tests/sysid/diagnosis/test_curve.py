@@ -56,7 +56,7 @@ def value_of(variable: str) -> float:
 
 
 @pytest.mark.parametrize("form", ["spline", "polynomial"])
-@pytest.mark.parametrize("variable", [v for v in VARIABLE if v not in UNSEEN])
+@pytest.mark.parametrize("variable", [n for n, v in VARIABLE.items() if n not in UNSEEN and v.rotor < 4])
 @pytest.mark.parametrize("channel", ["F_x", "M_z"])
 def test_the_file_adds_the_drawn_curve_in_its_channel_only(tmp_path: Path, channel: str, variable: str, form):
     name = f"drawn_{channel}_{form}_{list(VARIABLE).index(variable)}".lower()
