@@ -87,5 +87,5 @@ def test_the_weak_rotor_of_six_is_named():
     file = believed()
     truth = true_one(file).with_effect("weak_rotor", **{f"loss_{WEAK}": 0.06})
     found = procedure.diagnose(flown(truth, file), file)
-    assert f"weak_rotor[{WEAK}]" in found.sentence
+    assert found.additions == (f"weak_rotor[{WEAK}]",)
     assert found.vehicle.value(f"weak_rotor.loss_{WEAK}") == pytest.approx(0.06, abs=0.01)
