@@ -174,9 +174,11 @@ class Kept:
         if not file.exists():
             print(f"flights {CHUNK * number} of {CHUNK * chunks}", file=sys.stderr, flush=True)
             self.folder.mkdir(parents=True, exist_ok=True)
-            part = file.with_suffix(".part")
+            found, part = short(CHUNK, FIRST_SEED + number, self.world), file.with_suffix(".part")
+            if found.cut_off:
+                raise KeyboardInterrupt
             with part.open("wb") as out:
-                np.save(out, nearest(short(CHUNK, FIRST_SEED + number, self.world).record))
+                np.save(out, nearest(found.record))
             part.replace(file)
         return np.load(file)
 
