@@ -19,6 +19,8 @@ _DIGITS = 11
 """Of a bound that are kept: the last of the C library's are each processor's own."""
 _MOST_COLUMNS = 0.5
 """Of the values, from which on their share is noise."""
+_FOR_POWERS = 10
+"""Values for each column, from which on there are columns of higher powers."""
 _LEAST = 30
 """Values, from which on a variance is decomposed."""
 
@@ -88,9 +90,10 @@ def decomposable(values: FloatArray) -> bool:
 def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
     """The share of the variance of (n,) values that each factor alone explains, the largest first.
 
-    First-order indices by regression on a factor's draws (n, q), their squares and products (Sobol indices of a
-    quadratic polynomial chaos: Sudret 2008), less what as many columns of noise would explain (adjusted R squared).
-    None, 0, of a factor with half as many of those as values, or more: that would be noise.
+    First-order indices by regression on a factor's draws (n, q), their products in pairs, and with enough values their
+    powers up to the fifth: where rotors come to their limits, little is quadratic (Sobol indices of a polynomial chaos:
+    Sudret 2008). Less what as many columns of noise would explain (adjusted R squared); none, 0, of a factor with half
+    as many of those as values, or more: that would be noise.
     """
     used = np.isfinite(values)
     if not decomposable(values):
@@ -106,7 +109,10 @@ def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
     last bits are each processor's own."""
     q = draws.shape[1]
     rows, columns = np.triu_indices(q)
+    squares, cubes = draws * draws, draws * draws * draws
     terms = np.column_stack([draws, draws[:, rows] * draws[:, columns]])
+    if len(y) >= _FOR_POWERS * (terms.shape[1] + 3 * q):
+        terms = np.column_stack([terms, cubes, squares * squares, squares * cubes])
     terms = (terms - terms.mean(axis=0)).T.copy()
     left, kept = y.copy(), 0
     sizes = (terms * terms).sum(axis=1)

@@ -325,12 +325,12 @@ class _Study:
         shares = statistics.variance_shares(value, drawn.factors)
         many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
         loss = statistics.variance_shares(lost, drawn.factors) if many else {}
-        steps = 0
+        left, steps = max(0.0, 1.0 - sum(shares.values())), 0  # all first-order shares together are at most 1
         for kind in self._kinds():
-            told = ((shares, statistics.decomposable(value), self._anew), (loss, many, self._kept))
-            for found, share in ((found, share) for found, enough, share in told if enough):
+            told = ((shares, statistics.decomposable(value), self._anew, left), (loss, many, self._kept, 1.0))
+            for found, share, most in ((found, share, most) for found, enough, share, most in told if enough):
                 within, taken = share(kind, loop, record, drawn)
-                found[kind] = found.get(kind, 0.0) + within
+                found[kind] = found.get(kind, 0.0) + min(within, most)
                 steps += taken
         return _largest_first(shares), _largest_first(loss), steps
 
@@ -340,7 +340,8 @@ class _Study:
         return [kind for kind in WITHIN if sizes[kind] > 0.0]
 
     def _anew(self, kind: str, loop: Loop, record: Record, drawn: Drawn) -> tuple[float, int]:
-        """Share of the spread's variance that comes anew in every flight: some are flown again with another `kind`."""
+        """Share of the spread's variance that comes anew in every flight, also where it only acts with something drawn:
+        some are flown again with another `kind`."""
         value = spread(record)
         some = np.arange(min(_AGAIN, len(value)))
         again, steps = self.batch(loop, drawn, some, anew=[kind])

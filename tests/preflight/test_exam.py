@@ -73,8 +73,8 @@ def kept(flown: closed_loop.Flown) -> tuple[np.ndarray, float]:
 @functools.cache
 def predicted(flights: int) -> preflight.Result:
     options = preflight.Options(
-        flights=flights, uncertainty=AIR, risk=0.4, explain=False, rotor_speed_measured=True
-    )  # as the truth's controller is told
+        flights=flights, uncertainty=AIR, risk=0.4, explain=False, rate_hz=400, rotor_speed_measured=True
+    )  # as the truth's controller is run and told
     return preflight.fly(
         preflight.Scenario(believed(), CURVE, AlongTheWay(0.0), radius_m=0.0, clearance_m=1.0), options
     )

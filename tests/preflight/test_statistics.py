@@ -55,6 +55,15 @@ def test_a_direction_is_one_factor():
     assert shares["wind"] > 0.95
 
 
+def test_what_turns_round_on_both_sides_is_explained_too():
+    rng = np.random.default_rng(3)
+    a, b = rng.standard_normal((2, 300, 1))
+    value = (a**3 - 3.0 * a)[:, 0] + b[:, 0]  # no line and no square has a part in it
+    shares = statistics.variance_shares(value, {"b": b, "a": a})
+    assert next(iter(shares)) == "a"
+    assert shares["a"] == pytest.approx(6.0 / 7.0, abs=0.1)
+
+
 def test_too_few_or_equal_values_explain_nothing():
     z = np.random.default_rng(3).standard_normal((40, 1))
     assert statistics.variance_shares(np.ones(40), {"a": z}) == {}

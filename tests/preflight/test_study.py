@@ -7,7 +7,7 @@ import pytest
 
 import preflight
 from flight import InputError, Trajectory
-from preflight import clearance, core, draws, remedies, statistics
+from preflight import clearance, core, draws, remedies, statistics, study
 from preflight.result import BINS
 from preflight.study import require_hover
 from tests.preflight.conftest import EXACT, Wall
@@ -176,6 +176,15 @@ def test_gusts_too_weak_to_feel_are_not_named(drone, curve):
     assert found.dominating is not None
     assert found.dominating[0] == remedies.NOISE
     assert found.shares[remedies.GUSTS] < 0.3
+
+
+def test_luck_has_no_more_of_the_spread_than_what_was_drawn_leaves(drone, curve, monkeypatch):
+    """Flown again with other noise, what the noise only changes with something drawn is changed too."""
+    monkeypatch.setattr(study._Study, "_anew", lambda *asked: (0.99, 0))
+    found = flown(drone, curve, 9.0, uncertainty=replace(EXACT, localization_std_m=0.1), flights=60, explain=False)
+    assert found.dominating is not None
+    assert found.dominating[0] == "localization"
+    assert found.shares[remedies.NOISE] <= 1.0 - found.shares["localization"]
 
 
 def test_gaps_of_the_pose_that_lose_flights_are_named_and_their_removal_saves_them(drone, curve):
