@@ -84,6 +84,8 @@ class Motion:
 
     kind: MotionKind
     trajectory: Trajectory
+    std: tuple[float, float] | None = None
+    """Of turn (rad) and shift (m) of each pose, if it was stated."""
 
     @property
     def name(self) -> str:
