@@ -118,7 +118,7 @@ def _recorded(images: ImageSet, placed: PlacedImages) -> Recorded | None:
                 lambda late_s, path=motion.trajectory: path.at(images.time_s + late_s),
                 placed.tracked_body[motion.kind],
                 _is_dense(motion.trajectory.time_s, images.time_s),
-                motion.std,
+                motion.trajectory.std,
             )
     return None
 
