@@ -275,8 +275,8 @@ def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
     likely = max(_OTHER_UP, key=lambda up: float(np.median(T_world_body[:, :3, 2] @ np.array(up))))
     return [
         f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median), as if in them "
-        f"{_OTHER_UP[likely]}. Give them with z up, or as --odometry, or correct the direction in which the camera file "
-        "has the camera look"
+        f"{_OTHER_UP[likely]}. Give them with z up, or as --odometry, or correct the direction in which the camera "
+        "file has the camera look"
     ]
 
 

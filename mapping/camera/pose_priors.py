@@ -213,9 +213,7 @@ def _pull(state: State, off: FloatArray, std: FloatArray, correlation: FloatArra
     return Pull(weight, np.nan_to_num(of_placed))
 
 
-def _stepped(
-    seen: Observations, state: State, normal: Normal, pull: Pull, off: Callable[[State], FloatArray]
-) -> State:
+def _stepped(seen: Observations, state: State, normal: Normal, pull: Pull, off: Callable[[State], FloatArray]) -> State:
     """The state after a step, halved until matches and priors together fit better."""
     placed = np.isfinite(state.T_world_body[:, 0, 0])
 

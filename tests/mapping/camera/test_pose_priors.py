@@ -14,6 +14,7 @@ from mapping.camera.pose_priors import Judged, Recorded
 from tests.mapping.camera import formula
 
 TIMES_S = np.arange(60) / 10.0
+SAME = np.eye(4)
 CM, DEG = 0.01, float(np.radians(1.0))
 T_START_WORLD = frames.transform(rotations.from_yaw(1.0), [5.0, 2.0, 1.0])
 T_BODY_THING = frames.transform(rotations.exp([0.4, -1.2, 2.3]), [0.05, -0.1, 0.08])
@@ -58,8 +59,8 @@ def recorded(
     late_s: float = 0.0,
     wander_m: float = 0.0,
     factor: float = 1.0,
-    T_body_thing: FloatArray = np.eye(4),
-    T_thing_body: FloatArray = np.eye(4),
+    T_body_thing: FloatArray = SAME,
+    T_thing_body: FloatArray = SAME,
     stated: tuple[float, float] | None = None,
 ) -> Recorded:
     """Poses of a thing on the body, a frame of their own, every 25 ms."""
