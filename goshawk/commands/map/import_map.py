@@ -321,7 +321,7 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     mesh = foreign_mesh.ForeignMesh(
         vertices, faces, "m (an elevation model's rule)", "z (an elevation model's rule)", 0
     )
-    return mesh, space, {"triangles": len(faces)}
+    return mesh, space, _triangles(mesh)
 
 
 def _octomap(file: Path) -> tuple[Any, Any, dict[str, Any]]:

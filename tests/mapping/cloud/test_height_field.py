@@ -7,7 +7,7 @@ import pytest
 from PIL import Image, TiffImagePlugin
 
 from esdf import FREE, OCCUPIED, UNKNOWN
-from flight import FloatArray, FlightError
+from flight import FlightError, FloatArray
 from mapping.cloud import height_field
 from mapping.cloud.height_field import HeightField
 

@@ -124,6 +124,8 @@ def test_an_instant_whose_matches_contradict_its_pose_is_left_to_the_matches(mad
         (lambda T: frames.invert(T), "world to body"),
         (lambda T: reordered(T, [3, 0, 1, 2]), "scalar stands last"),
         (lambda T: reordered(T, [1, 2, 3, 0]), "scalar stands first"),
+        (lambda T: other_axes(T, np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])), "north, east, down"),
+        (lambda T: mirrored(T, np.diag([1.0, -1.0, 1.0])), "left-handed"),
     ],
 )
 def test_poses_that_are_misread_place_none_and_say_how_they_would_fit(made, wrong, said: str) -> None:
@@ -136,6 +138,19 @@ def test_poses_that_are_misread_place_none_and_say_how_they_would_fit(made, wron
 def reordered(T: FloatArray, order: list[int]) -> FloatArray:
     other = T.copy()
     other[:, :3, :3] = rotations.matrix(rotations.from_matrix(T[:, :3, :3])[:, order])
+    return other
+
+
+def other_axes(T: FloatArray, M: FloatArray) -> FloatArray:
+    """Positions in axes of their own."""
+    other = T.copy()
+    other[:, :3, 3] = T[:, :3, 3] @ M.T
+    return other
+
+
+def mirrored(T: FloatArray, M: FloatArray) -> FloatArray:
+    other = other_axes(T, M)
+    other[:, :3, :3] = M @ T[:, :3, :3] @ M
     return other
 
 
