@@ -22,7 +22,7 @@ def ascii_grid(path: Path, field: HeightField) -> Path:
 
 
 def geotiff(path: Path, field: HeightField, *, model: int = 1, raster: int = 1, mode: str = "F") -> Path:
-    """As GDAL writes it: the first row in the north, the tie point at the upper left corner or the middle of a pixel."""
+    """As GDAL writes it: the first row in the north, the tie point at the corner or in the middle of a pixel."""
     rows = np.where(np.isfinite(field.height_m), field.height_m, -32768.0).T[::-1].astype(np.float32)
     image = Image.fromarray(rows) if mode == "F" else Image.fromarray(rows.astype(np.uint8))
     tags = TiffImagePlugin.ImageFileDirectory_v2()
@@ -77,7 +77,7 @@ def heights_at(field: HeightField, places: FloatArray) -> FloatArray:
 def test_nothing_below_a_height_is_free_and_nothing_without_one_is_known(voxel_m: float) -> None:
     places, state = states(model(), voxel_m, (0.0, 5.0))
     for shift in np.array([[-0.49, -0.49], [0.49, -0.49], [-0.49, 0.49], [0.49, 0.49], [0.0, 0.0]]) * voxel_m:
-        height_m = heights_at(model(), places + [*shift, 0.0])
+        height_m = heights_at(model(), places + np.append(shift, 0.0))
         below = places[:, 2] - 0.5 * voxel_m < height_m - 1e-9
         assert not (state[below] == FREE).any()
         assert not (state[np.isnan(height_m)] != UNKNOWN).any() or voxel_m > 0.25  # the last voxel reaches beyond

@@ -76,5 +76,5 @@ def test_centimetres_y_up_polygons_and_transforms_of_others_are_read(tmp_path: P
 @pytest.mark.parametrize("name", ["a.vdb", "a.nvdb", "a.nvblx", "a.vxblx"])
 def test_kinds_that_no_package_reads_are_refused_by_name_with_a_way_out(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"x")
-    with pytest.raises(InputError, match="Volume to Mesh|as PLY"):
+    with pytest.raises(InputError, match=r"Volume to Mesh|as PLY"):
         foreign_mesh.read(tmp_path / name)
