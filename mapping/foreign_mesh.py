@@ -23,6 +23,9 @@ GREY = 180
 """Of a mesh without colours."""
 EXTENT_M = (0.5, 1000.0)
 """Of the longest edge of the box about a place to fly in."""
+APART_M = 2.0
+"""Between parts of a mesh that may be several maps: rooms of one building are nearer, through a wall."""
+_MOST_PARTS = 2000
 _CERTAINLY_M, _CERTAINLY_MM = (1.0, 200.0), (1000.0, 300_000.0)
 """Extents in the file's numbers from which its unit is guessed; between them are centimetres, feet or metres."""
 COARSEST_M = 0.001
@@ -83,6 +86,22 @@ def read(
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
     return ForeignMesh(vertices, faces, unit_because, up_because, open_edges)
+
+
+def parts(mesh: ForeignMesh) -> int:
+    """How many there are that lie more than `APART_M` from each other, by their boxes; crumbs do not count."""
+    from mapping import connected
+
+    faces, count = mesh.faces, len(mesh.vertices_world_m)
+    label = connected.groups(faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel(), count)
+    low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
+    np.minimum.at(low, label, mesh.vertices_world_m)
+    np.maximum.at(high, label, mesh.vertices_world_m)
+    large = (high - low).max(axis=1) >= EXTENT_M[0]
+    low, high = low[large][:_MOST_PARTS], high[large][:_MOST_PARTS]
+    is_near = (low[:, None] - high[None] <= APART_M).all(axis=2)
+    first, second = np.nonzero(is_near & is_near.T)
+    return int(connected.groups(first, second, len(low)).max(initial=0)) + 1
 
 
 def require_fine(path: Path, step_m: float) -> None:

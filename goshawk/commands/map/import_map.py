@@ -211,7 +211,7 @@ def import_file(
     else:
         mesh = foreign_mesh.read(file, unit=asked.unit, up=asked.up, origin=origin)
         space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places, progress)
-        facts = _triangles(mesh)
+        facts = _triangles(mesh) | {"parts": foreign_mesh.parts(mesh)}
     names = [each.name for each in (file, *asked.more)]
     document = _document(names, mesh, space, places) | facts
     document |= {"origin": None if origin is None else origin.tolist(), "written": None}
@@ -374,6 +374,10 @@ def _facts(kind: str, document: dict[str, Any]) -> dict[str, object]:
         **_contents(kind, document),
         "space": ", ".join(f"{value:.1f} m3 ({value / whole:.0%}) {name}" for name, value in shares.items()),
     }
+    if document.get("parts", 1) > 1:
+        facts["apart"] = (
+            f"{document['parts']} parts, more than 2 m from each other: cut the file if they are several maps"
+        )
     if document["open_sides"] and kind == "mesh":  # that of a map of one height always ends there
         facts["open"] = "free space reaches the edge of the mesh's box: it has a hole there, or --observed is outside"
     if not document["free_m3"]:

@@ -27,6 +27,8 @@ from mapping.sparse.mapper import agreement, colmap, colmap_model, overlap
 from mapping.sparse.mapper.colmap import PlacedImages, SparseOptions, Stopwatch
 
 _TRYING = "trying the calibration"
+_LEAST_CLOCK_STD_S = 1e-3
+"""Poses are recorded, and interpolated, no more exactly in time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -57,6 +59,8 @@ class Registration:
     """How recorded motion placed images, or why it placed none, or not all, of those that needed it."""
     tracked_body: dict[str, FloatArray] = dataclasses.field(default_factory=dict)
     """By the kind of a recording whose poses placed the images: the body on what was tracked, (4, 4)."""
+    clocks: dict[str, list[float]] = dataclasses.field(default_factory=dict)
+    """By the kind of a recording that held the poses: how late its clock is, and the standard deviation (s)."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     cpu_s: dict[str, float]
@@ -121,6 +125,13 @@ def _recorded(images: ImageSet, placed: PlacedImages) -> Recorded | None:
                 motion.trajectory.std,
             )
     return None
+
+
+def _clocks(trial: Trial) -> dict[str, list[float]]:
+    judged = trial.priors
+    if judged is None or judged.late_std_s == 0.0:
+        return {}
+    return {MotionKind.POSES: [judged.late_s, max(judged.late_std_s, _LEAST_CLOCK_STD_S)]}
 
 
 def _is_dense(recorded_s: FloatArray, images_s: FloatArray) -> bool:
@@ -188,6 +199,7 @@ def _read_out(placed: PlacedImages, model: Any, images: ImageSet, trial: Trial, 
         by_motion=placed.by_motion,
         motion_notes=[*placed.motion_notes, *([trial.priors.text] if trial.priors else [])],
         tracked_body=placed.tracked_body,
+        clocks=_clocks(trial),
         trial=trial,
         cpu_s=placed.cpu_s | watch.cpu_s,
     )

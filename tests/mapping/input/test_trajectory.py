@@ -467,3 +467,13 @@ def test_seven_columns_are_arkits_only_by_the_files_name(tmp_path: Path) -> None
     assert len(trajectory.read(tmp_path / "poses.traj").time_s) == 2
     with pytest.raises(FormatError, match="7 columns"):
         trajectory.read(tmp_path / "poses.txt")
+
+
+def test_a_clock_that_the_priors_found_is_the_one_that_is_said(tmp_path: Path) -> None:
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S + 0.05, pose(RECORDED_S)))
+    references = alignment.read_references(images)
+    found = alignment.align(
+        images, old(), references, baseline_std=None, length=None, clocks={MotionKind.POSES: [0.051, 0.001]}
+    )
+    (said,) = doubts(found)
+    assert "0.051 ± 0.002 s late" in said
