@@ -49,7 +49,10 @@ def distances(centres_world_m: FloatArray, distance_m: FloatArray) -> bytes:
 def _rows(columns: Mapping[str, NDArray[Any]]) -> bytes:
     """A PLY file's bytes of points with these columns: double, float or unsigned char."""
     named = {"<f8": "double", "|u1": "uchar", "<f4": "float"}
-    rows = np.rec.fromarrays(list(columns.values()), names=list(columns))
+    count = len(next(iter(columns.values())))
+    rows = np.zeros(count, [(name, values.dtype) for name, values in columns.items()])
+    for name, values in columns.items():
+        rows[name] = values
     properties = "".join(f"property {named[values.dtype.str]} {name}\n" for name, values in columns.items())
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
     return head.encode() + rows.tobytes()

@@ -73,7 +73,7 @@ def export(
     outputs.check(out, yaml, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     written = {out: b""}
-    facts = {"map_hash": area.hash}
+    facts: dict[str, object] = {"map_hash": area.hash}
     if kind == "ros" and yaml is not None and height_m is not None:
         image = map_server.slice_at(area.field, height_m)
         written = {out: map_server.pgm(image), yaml: map_server.yaml(out.name, area.field.grid).encode()}

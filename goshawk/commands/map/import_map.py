@@ -314,7 +314,10 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     from mapping import foreign_mesh
     from mapping.cloud import height_field
 
-    between = None if asked.heights is None else tuple(console.numbers("--heights", asked.heights, 2))
+    between = None
+    if asked.heights is not None:
+        low_m, high_m = console.numbers("--heights", asked.heights, 2)
+        between = (low_m, high_m)
     field = height_field.read(file, origin=origin)
     space = height_field.space(field, asked.voxel_m or _VOXEL_M, between)
     vertices, faces = height_field.surface(field)
