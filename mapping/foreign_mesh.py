@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, FormatError, InputError, errors, file_format
 from mapping import reach
-from mapping.dense import mesh_file
+from mapping.dense import mesh_file, usd_file
+from mapping.dense.usd_file import Stated
 from mapping.map_folder import Map
 from mapping.sparse import alignment
 
-SUFFIXES = (".ply", ".obj", ".stl", ".glb")
+SUFFIXES = (".ply", ".obj", ".stl", ".glb", *usd_file.SUFFIXES)
 UNITS_M = {"m": 1.0, "mm": 0.001, "cm": 0.01, "ft": 0.3048}
 LARGEST_BYTES = 2_000_000_000
 """Reading takes several times as much memory."""
@@ -22,6 +23,9 @@ GREY = 180
 """Of a mesh without colours."""
 EXTENT_M = (0.5, 1000.0)
 """Of the longest edge of the box about a place to fly in."""
+APART_M = 2.0
+"""Between parts of a mesh that may be several maps: rooms of one building are nearer, through a wall."""
+_MOST_PARTS = 2000
 _CERTAINLY_M, _CERTAINLY_MM = (1.0, 200.0), (1000.0, 300_000.0)
 """Extents in the file's numbers from which its unit is guessed; between them are centimetres, feet or metres."""
 COARSEST_M = 0.001
@@ -30,6 +34,14 @@ _SINGLE_PLY = re.compile(rb"property\s+float(32)?\s+[xyz]\s")
 _HEAD_BYTES = 65_536
 _METRES = {".glb": "glTF", ".e57": "E57"}
 """Kinds of file that are in metres, and what says so."""
+_BY_BLENDER = "of volumes make a mesh, by Blender's Volume to Mesh say"
+_OTHERS = {
+    ".vdb": _BY_BLENDER,
+    ".nvdb": _BY_BLENDER,
+    ".nvblx": "save nvblox' mesh as PLY: its save_ply service writes it",
+    ".vxblx": "save voxblox' mesh as PLY: its generate_mesh service writes it",
+}
+"""What to do about kinds of file that are known and not read."""
 _AXES = {sign + name: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, name in enumerate("xyz")}
 
 
@@ -52,7 +64,7 @@ class ForeignMesh:
 def read(
     path: Path, *, unit: str | None = None, up: str | None = None, origin: FloatArray | None = None
 ) -> ForeignMesh:
-    """Read a PLY, OBJ, STL or GLB file.
+    """Read a PLY, OBJ, STL, GLB or USD file.
 
     Args:
         unit: one of `UNITS_M`; None: guessed from the extent.
@@ -63,10 +75,10 @@ def read(
         InputError: there is no such file, it is of another type or too large, or the unit cannot be right.
         FormatError: it cannot be read, holds no triangles, or a coordinate is not finite.
     """
-    vertices, faces, step = _triangles(path)
-    R_world_file, up_because = rotation(path, up)
+    vertices, faces, step, stated = _triangles(path)
+    R_world_file, up_because = rotation(path, up, stated=stated.up if stated else None)
     extent = float(np.ptp(vertices, axis=0).max())
-    unit_m, unit_because = scale(path, extent, unit)
+    unit_m, unit_because = scale(path, extent, unit, stated_m=stated.unit_m if stated else None)
     require_fine(path, unit_m * step)
     remedy = origin_remedy(vertices[0])
     vertices = unit_m * (vertices if origin is None else vertices - origin) @ R_world_file.T
@@ -74,6 +86,22 @@ def read(
     edges = np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     open_edges = int((np.unique(edges, axis=0, return_counts=True)[1] == 1).sum())
     return ForeignMesh(vertices, faces, unit_because, up_because, open_edges)
+
+
+def parts(mesh: ForeignMesh) -> int:
+    """How many there are that lie more than `APART_M` from each other, by their boxes; crumbs do not count."""
+    from mapping import connected
+
+    faces, count = mesh.faces, len(mesh.vertices_world_m)
+    label = connected.groups(faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel(), count)
+    low, high = np.full((label.max() + 1, 3), np.inf), np.full((label.max() + 1, 3), -np.inf)
+    np.minimum.at(low, label, mesh.vertices_world_m)
+    np.maximum.at(high, label, mesh.vertices_world_m)
+    large = (high - low).max(axis=1) >= EXTENT_M[0]
+    low, high = low[large][:_MOST_PARTS], high[large][:_MOST_PARTS]
+    is_near = (low[:, None] - high[None] <= APART_M).all(axis=2)
+    first, second = np.nonzero(is_near & is_near.T)
+    return int(connected.groups(first, second, len(low)).max(initial=0)) + 1
 
 
 def require_fine(path: Path, step_m: float) -> None:
@@ -114,17 +142,17 @@ def of_map(area: Map) -> tuple[FloatArray, NDArray[np.int32], NDArray[np.uint8]]
     return mesh.vertices_world_m, mesh.faces, np.full((len(mesh.vertices_world_m), 3), GREY, np.uint8)
 
 
-def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float]:
+def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float, Stated | None]:
     """Vertices (v, 3) in the file's numbers and axes, merged where they coincide, and faces (f, 3).
 
     Returns:
-        With the distance between neighbouring numbers where the file stores single precision, else 0.
+        With the distance between neighbouring numbers where the file stores single precision, else 0; and what the file
+        states of itself.
     """
-    import trimesh
-
     kind = path.suffix.lower()
     if kind not in SUFFIXES:
-        raise InputError(f"{path} is not one of {', '.join(SUFFIXES)}; convert it, with MeshLab or Blender say")
+        remedy = _OTHERS.get(kind, "convert it, with MeshLab or Blender say")
+        raise InputError(f"{path} is not one of {', '.join(SUFFIXES)}; {remedy}")
     if not path.is_file():
         raise errors.missing(path)
     if (size := path.stat().st_size) > LARGEST_BYTES:
@@ -132,13 +160,12 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float]:
             f"{path} has {size / 1e9:.1f} GB, at most {LARGEST_BYTES / 1e9:g} GB are read: reduce its triangles, with "
             "MeshLab say; details smaller than a voxel are lost anyway"
         )
-    try:
-        scene: Any = trimesh.load_scene(path, file_type=kind[1:], process=False)
-        soup: Any = scene.to_geometry()
-        vertices = np.asarray(soup.vertices, dtype=np.float64).reshape(-1, 3)
-        faces = np.asarray(getattr(soup, "faces", ()), dtype=np.int64).reshape(-1, 3)
-    except Exception as error:  # the reader of foreign files raises what it likes
-        raise FormatError(f"{path} cannot be read: {file_format.damage_text(error)}; export it again") from error
+    stated = None
+    if kind in usd_file.SUFFIXES:
+        vertices, faces, stated = usd_file.read(path)
+        step = single_step(vertices)
+    else:
+        vertices, faces, step = _by_trimesh(path)
     if not len(faces):
         raise FormatError(
             f"{path} holds {len(vertices)} points and no triangles: make a mesh of them first, with MeshLab say"
@@ -148,7 +175,21 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float]:
     if count := int((~np.isfinite(vertices).all(axis=1)).sum()):
         raise FormatError(f"{path}: {count} of {len(vertices)} vertices are not finite; remove them, with MeshLab say")
     merged, renamed = np.unique(vertices, axis=0, return_inverse=True)
-    return merged, renamed.reshape(-1)[faces].astype(np.int32), _step(path, scene)
+    return merged, renamed.reshape(-1)[faces].astype(np.int32), step, stated
+
+
+def _by_trimesh(path: Path) -> tuple[FloatArray, NDArray[np.int64], float]:
+    """Vertices (v, 3), faces (f, 3), and how far apart numbers of single precision are."""
+    import trimesh
+
+    try:
+        scene: Any = trimesh.load_scene(path, file_type=path.suffix.lower()[1:], process=False)
+        soup: Any = scene.to_geometry()
+        vertices = np.asarray(soup.vertices, dtype=np.float64).reshape(-1, 3)
+        faces = np.asarray(getattr(soup, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    except Exception as error:  # the reader of foreign files raises what it likes
+        raise FormatError(f"{path} cannot be read: {file_format.damage_text(error)}; export it again") from error
+    return vertices, faces, _step(path, scene) if len(faces) else 0.0
 
 
 def _step(path: Path, scene: Any) -> float:
@@ -167,7 +208,7 @@ def _head(path: Path) -> bytes:
         return file.read(_HEAD_BYTES).split(b"end_header", 1)[0]
 
 
-def rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
+def rotation(path: Path, up: str | None, *, stated: str | None = None) -> tuple[FloatArray, str]:
     """R_world_file (3, 3), and the words for it.
 
     Raises:
@@ -175,6 +216,8 @@ def rotation(path: Path, up: str | None) -> tuple[FloatArray, str]:
     """
     if up is not None:
         return alignment.upright(_direction(up)).round(15), f"{up}, as given"
+    if stated is not None:
+        return alignment.upright(_AXES[stated]).round(15), f"{stated} (USD's upAxis)"
     kind = path.suffix.lower()
     axis = "y" if kind in (".glb", ".obj") else "z"
     why = "glTF's rule" if kind == ".glb" else f"guessed, as most {kind[1:].upper()} files; else give --up"
@@ -193,12 +236,19 @@ def _direction(up: str) -> FloatArray:
     return direction / np.linalg.norm(direction)
 
 
-def scale(path: Path, extent: float, unit: str | None, *, given: str = "as given") -> tuple[float, str]:
+def scale(
+    path: Path, extent: float, unit: str | None, *, given: str = "as given", stated_m: float | None = None
+) -> tuple[float, str]:
     """Metres of the file's unit, and the words for it; `given` says from where one is known.
+
+    Args:
+        stated_m: metres of a unit, as the file states it.
 
     Raises:
         InputError: it cannot be guessed from the extent in the file's numbers, or a map would not be that large.
     """
+    if unit is None and stated_m is not None:
+        return _possible(path, extent, f"units of {stated_m:g} m", stated_m), f"{stated_m:g} m (USD's metersPerUnit)"
     if unit is None and path.suffix.lower() in _METRES:
         unit, why = "m", f"{_METRES[path.suffix.lower()]}'s rule"
     elif unit is not None:
@@ -211,10 +261,18 @@ def scale(path: Path, extent: float, unit: str | None, *, given: str = "as given
         raise InputError(
             f"{path} is {extent:.4g} long, from which its unit cannot be guessed; give --unit {'|'.join(UNITS_M)}"
         )
-    extent_m = extent * UNITS_M[unit]
-    if not EXTENT_M[0] <= extent_m <= EXTENT_M[1]:
+    return _possible(path, extent, unit, UNITS_M[unit]), f"{unit} ({why})"
+
+
+def _possible(path: Path, extent: float, unit: str, unit_m: float) -> float:
+    """`unit_m`.
+
+    Raises:
+        InputError: a map would not be that large.
+    """
+    if not EXTENT_M[0] <= extent * unit_m <= EXTENT_M[1]:
         raise InputError(
-            f"{path} would be {extent_m:.4g} m long with its {extent:.4g} in {unit}; a map has {EXTENT_M[0]:g} to "
-            f"{EXTENT_M[1]:g} m: give another --unit, or cut it"
+            f"{path} would be {extent * unit_m:.4g} m long with its {extent:.4g} in {unit}; a map has {EXTENT_M[0]:g} "
+            f"to {EXTENT_M[1]:g} m: give another --unit, or cut it"
         )
-    return UNITS_M[unit], f"{unit} ({why})"
+    return unit_m

@@ -272,10 +272,21 @@ def _tilt_doubts(T_world_body: FloatArray) -> list[str]:
     tilt_rad = _tilt_rad(T_world_body)
     if tilt_rad < TILT_DOUBT_RAD:
         return []
+    likely = max(_OTHER_UP, key=lambda up: float(np.median(T_world_body[:, :3, 2] @ np.array(up))))
     return [
-        f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median). Give them with z "
-        "up, or as --odometry, or correct the direction in which the camera file has the camera look"
+        f"by the recorded poses the vehicle is tilted by {np.degrees(tilt_rad):.0f} deg (median), as if in them "
+        f"{_OTHER_UP[likely]}. Give them with z up, or as --odometry, or correct the direction in which the camera "
+        "file has the camera look"
     ]
+
+
+_OTHER_UP = {
+    (0.0, 0.0, -1.0): "z were down (north, east, down)",
+    (0.0, 1.0, 0.0): "y were up (ARKit, T265)",
+    (0.0, -1.0, 0.0): "y were down (a camera's axes)",
+    (1.0, 0.0, 0.0): "x were up",
+    (-1.0, 0.0, 0.0): "x were down",
+}
 
 
 def _weigh(used: ScaleWitness, other: ScaleWitness, doubts: list[str], refusals: list[str]) -> None:

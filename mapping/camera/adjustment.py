@@ -17,7 +17,7 @@ import numpy as np
 from flight import FloatArray, frames, rotations
 from mapping.camera import errors
 from mapping.camera.errors import PLAUSIBLE, Candidate, State
-from mapping.camera.normal_equations import Points, Reduced, Rows, Sums, cells, eliminate_points
+from mapping.camera.normal_equations import Points, Pull, Reduced, Rows, Sums, cells, eliminate_points, robust
 from mapping.camera.rig import Rig
 
 if TYPE_CHECKING:
@@ -34,7 +34,6 @@ _SHARES = (1.0, 0.5, 0.25, 0.125, 0.0625)
 _CONVERGED = 0.005
 _LOST_PX = 100.0
 """Residual of a point that the lens no longer shows."""
-_HUBER = 1.345
 _BLOCK_ROWS = 100_000
 """Observations whose derivatives are held in memory at a time."""
 _LEAST_REDUNDANCY = 0.05
@@ -95,10 +94,10 @@ def adjust(seen: Observations, state: State, free: Sequence[Candidate]) -> tuple
     for _ in range(_MOST_ITERATIONS):
         normal = Normal(seen, state, free, folds=1)
         delta, _ = normal.solve(free)
-        before = _cost(seen, state, normal.huber_px)
+        before = robust_cost(seen, state, normal.huber_px)
         for share in _SHARES:
             changed = normal.step(state, free, share * delta, share)
-            if (after := _cost(seen, changed, normal.huber_px)) < before:
+            if (after := robust_cost(seen, changed, normal.huber_px)) < before:
                 break
         else:
             break
@@ -114,7 +113,7 @@ def cost(seen: Observations, state: State) -> float:
     return float(np.median(np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)))
 
 
-def _cost(seen: Observations, state: State, huber_px: float) -> float:
+def robust_cost(seen: Observations, state: State, huber_px: float) -> float:
     """Mean of Huber's cost of the residuals; a point that the lens no longer shows counts as far off."""
     length = np.nan_to_num(np.linalg.norm(residuals(seen, state), axis=1), nan=_LOST_PX)
     return float(np.where(length < huber_px, 0.5 * length**2, huber_px * (length - 0.5 * huber_px)).mean())
@@ -137,8 +136,9 @@ class Normal:
         tried: Sequence[Candidate],
         *,
         folds: int = FOLDS,
+        pull: Pull | None = None,
     ) -> None:
-        self.tried = list(tried)
+        self.tried, self._pull = list(tried), pull
         self._placed = np.flatnonzero(np.isfinite(state.T_world_body[:, 0, 0]))
         self._pace = None if state.pace is None else state.pace[self._placed]
         self._width = 6 if self._pace is None else 7
@@ -148,7 +148,7 @@ class Normal:
         unknowns = 3 * len(np.unique(seen.index[used, 0])) + 6 * len(self._placed)
         redundancy = max(1.0 - unknowns / (2 * len(used)), _LEAST_REDUNDANCY)
         self.is_redundant = redundancy > _LEAST_REDUNDANCY
-        self.noise_px, self.huber_px, weight = _robust(left[used], redundancy)
+        self.noise_px, self.huber_px, weight = robust(left[used], redundancy)
         whitening = np.zeros(len(left))
         whitening[used] = np.sqrt(weight) / self.noise_px
         shifts = _Shifts(self.tried, seen.rig)
@@ -188,6 +188,11 @@ class Normal:
             even, pull = np.zeros(len(gradient)), np.zeros(len(gradient))
             even[6:count:7], pull[6:count:7] = _UNEVEN**-2, (1.0 - self._pace) / _UNEVEN**2
             matrix, gradient = matrix + sp.diags(even, format="csr"), gradient + pull
+        if (held := self._pull) is not None:
+            weight, pull = np.zeros(len(gradient)), np.zeros(len(gradient))
+            weight[:count].reshape(-1, self._width)[:, :6] = held.weight
+            pull[:count].reshape(-1, self._width)[:, :6] = -held.weight * held.off
+            matrix, gradient = matrix + sp.diags(weight, format="csr"), gradient + pull
         return Reduced.of(matrix, gradient, count)
 
     def _unknowns(self, chosen: Iterable[Candidate]) -> np.ndarray:
@@ -336,6 +341,13 @@ class Normal:
         variance += (through * (covariance @ through)).sum(axis=0)
         return np.interp(np.arange(len(T)), asked, np.maximum(variance.reshape(-1, 3).sum(axis=1), 0.0))
 
+    def pose_variances(self, placed: np.ndarray) -> FloatArray:
+        """(n, 6) of turn and motion of the body, in its frame, of some (n,) of the placed instants."""
+        unknown = (self._width * placed[:, None] + np.arange(6)).ravel()
+        load = np.zeros((self._width * len(self._placed), len(unknown)))
+        load[unknown, np.arange(len(unknown))] = 1.0
+        return np.asarray(self._reduced.factor.solve(load)[unknown, np.arange(len(unknown))]).reshape(-1, 6)
+
     def step(self, state: State, free: Sequence[Candidate], delta: FloatArray, share: float) -> State:
         """The state after a share of a Gauss-Newton step; `delta` is the calibration's part of that share.
 
@@ -470,16 +482,3 @@ def twists(time_s: FloatArray, T_world_body: FloatArray) -> FloatArray:
 def _step(T: FloatArray) -> FloatArray:
     """(n, 6) rotation vectors and translations of motions (n, 4, 4)."""
     return np.concatenate([rotations.log(rotations.from_matrix(T[:, :3, :3])), T[:, :3, 3]], axis=1)
-
-
-def _robust(residual: FloatArray, redundancy: float) -> tuple[float, float, FloatArray]:
-    """Standard deviation of a match in each coordinate, Huber's limit (px), and his weight of each observation.
-
-    The first is that of the residuals, from the median of their lengths, over the root of `redundancy`, the share of
-    the coordinates that no unknown was fitted to: a point that two images see leaves one of its four coordinates.
-    """
-    length = np.linalg.norm(residual, axis=1)
-    left_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
-    limit_px = 2.0 * _HUBER * left_px
-    weight = np.minimum(1.0, limit_px / np.maximum(length, 1e-12))
-    return left_px / np.sqrt(redundancy), limit_px, weight

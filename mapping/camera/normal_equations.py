@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 CELLS = (6, 4)
 """Columns and rows of an image within which matches may share an error in all images: patches of surface seen at one
 angle, what a lens model cannot say. Finer cells would take a pattern wider than they are for independent."""
+_HUBER = 1.345
 _RIDGE = 1e-9
 _POSE_RIDGE = 1e-10
 """Holds what moves the whole map; 1e-7 also held the bending of a path of 400 instants, and 3 m of error with it."""
@@ -123,6 +124,29 @@ def cells(number: np.ndarray, pixels: FloatArray, sizes_px: FloatArray) -> np.nd
     """
     column, row = np.clip(pixels / sizes_px[number] * CELLS, 0, np.array(CELLS) - 1).astype(np.int64).T
     return np.asarray((number * CELLS[1] + row) * CELLS[0] + column)
+
+
+def robust(residual: FloatArray, redundancy: float) -> tuple[float, float, FloatArray]:
+    """Standard deviation of a match in each coordinate, Huber's limit (px), and his weight of each observation.
+
+    The first is that of the residuals, from the median of their lengths, over the root of `redundancy`, the share of
+    the coordinates that no unknown was fitted to: a point that two images see leaves one of its four coordinates.
+    """
+    length = np.linalg.norm(residual, axis=1)
+    left_px = max(float(np.median(length)) / 1.1774, 1e-6)  # Rayleigh: median 1.1774 sigma
+    limit_px = 2.0 * _HUBER * left_px
+    weight = np.minimum(1.0, limit_px / np.maximum(length, 1e-12))
+    return left_px / np.sqrt(redundancy), limit_px, weight
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Pull:
+    """What else than matches holds the poses: priors of turn (rad) and motion (m) of the body, in its frame."""
+
+    weight: FloatArray
+    """(placed, 6) inverse variances."""
+    off: FloatArray
+    """(placed, 6) of the poses from the priors."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

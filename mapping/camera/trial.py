@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray
+from mapping.camera import pose_priors
 from mapping.camera.adjustment import Normal, Observations, adjust, cost, counted, initial, twists
 from mapping.camera.errors import BEYOND_THESE_IMAGES, INEXPRESSIBLE, PLAUSIBLE, Candidate, Kind, State, candidates
+from mapping.camera.pose_priors import Judged, Recorded
 from mapping.camera.rig import Rig
 
 LEAST_BASELINE_M = 0.005
@@ -122,6 +124,8 @@ class Trial:
     """(instants,) of each position, see `Normal.shape_std`, in the unit of `points_world`; None if not known."""
     growth: float = 1.0
     """Size of the path over that before the trial."""
+    priors: Judged | None = None
+    """What recorded poses are worth, if they held the poses, too."""
 
     @property
     def present(self) -> tuple[Finding, ...]:
@@ -133,14 +137,14 @@ class Trial:
         return tuple(f for f in self.present if f.candidate.kind in INEXPRESSIBLE)
 
 
-def hold(seen: Observations) -> Trial:
+def hold(seen: Observations, recorded: Recorded | None = None) -> Trial:
     """Try every calibration error on the matches of a map.
 
     All errors are estimated together and then given up one by one, the least missed first, until each that is left is
     missed by the withheld points (backward elimination: two errors that only explain the matches together, such as
     focal length and radial distortion, are not overlooked). The adjustment is linearised anew with what is left, until
     the same errors are left twice. Then those are given up which errors that all matches of one image share could have
-    made, again the least missed first.
+    made, again the least missed first. Recorded poses say nothing in all this: they hold the poses afterwards.
     """
     timed = _timed(seen)
     seen = seen if timed else counted(seen)
@@ -165,6 +169,10 @@ def hold(seen: Observations) -> Trial:
     findings = [_finding(normal, present, sizes, c) for c in tried]
     scale_std, findings = _scale(normal, state, present, findings)
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
+    held = pose_priors.adjusted(seen, state, recorded) if recorded is not None else None
+    if held is not None:
+        state, pull, _ = held
+        normal = Normal(seen, state, tried, pull=pull)
     return Trial(
         tuple(findings),
         state.rig,
@@ -174,6 +182,7 @@ def hold(seen: Observations) -> Trial:
         scale_std,
         normal.shape_std(state),
         _extent(state.T_world_body) / max(_extent(seen.T_world_body), 1e-12),
+        held[2] if held is not None else None,
     )
 
 

@@ -63,7 +63,7 @@ def carve(
         known = np.flatnonzero(np.isfinite(origins[:, 0]))
         low, high = np.fmin(low, np.nanmin(origins, axis=0)), np.fmax(high, np.nanmax(origins, axis=0))
     grid = Grid.covering(low - voxel_m, high + voxel_m, voxel_m)
-    imported.require_few(grid, "cut the cloud", coarser=True)
+    imported.require_few(grid, "cut the cloud", coarser=True, at_most=imported.MOST_TRACED)
     state = _occupied(points, grid, least_points)
     stopped = 0
     for begin in range(0, len(known) if origins is not None else 0, _RAYS):

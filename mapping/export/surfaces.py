@@ -1,13 +1,17 @@
 """The mesh of a map in other programs' formats, and its vertices as points with their standard deviations."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from flight import FloatArray
-from mapping.dense import mesh_file
+from mapping.dense import mesh_file, usd_file
 
-UP = {".ply": "z", ".stl": "z", ".obj": "y", ".glb": "y"}
+UP = {".ply": "z", ".stl": "z", ".obj": "y", ".glb": "y", usd_file.WRITTEN: "z"}
 """Of each kind of file, as most programs read it."""
+_RGB = ("red", "green", "blue")
 
 
 def mesh(kind: str, vertices_world_m: FloatArray, faces: NDArray[np.int32], colours: NDArray[np.uint8]) -> bytes:
@@ -20,6 +24,8 @@ def mesh(kind: str, vertices_world_m: FloatArray, faces: NDArray[np.int32], colo
 
     if kind == ".ply":
         return mesh_file.ply(vertices_world_m, faces, colours)
+    if kind == usd_file.WRITTEN:
+        return usd_file.encode(vertices_world_m, faces, colours)
     vertices = vertices_world_m @ mesh_file.R_GLTF_WORLD.T if UP[kind] == "y" else vertices_world_m
     whole = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
     data = whole.export(file_type=kind[1:])
@@ -28,15 +34,26 @@ def mesh(kind: str, vertices_world_m: FloatArray, faces: NDArray[np.int32], colo
 
 def points(vertices_world_m: FloatArray, colours: NDArray[np.uint8], deviation_m: NDArray[np.float32]) -> bytes:
     """A PLY file's bytes of points alone: x, y, z, red, green, blue, std (metres along the normal, NaN: not known)."""
-    kinds = [*((name, "<f8") for name in "xyz"), *((name, "u1") for name in ("red", "green", "blue")), ("std", "<f4")]
-    rows = np.zeros(len(vertices_world_m), kinds)
-    for k, name in enumerate("xyz"):
-        rows[name] = vertices_world_m[:, k]
-    for k, name in enumerate(("red", "green", "blue")):
-        rows[name] = colours[:, k]
-    rows["std"] = deviation_m
-    named = {"<f8": "double", "u1": "uchar", "<f4": "float"}
-    properties = "".join(f"property {named[kind]} {name}\n" for name, kind in kinds)
+    return _rows(
+        dict(zip("xyz", vertices_world_m.T, strict=True))
+        | dict(zip(_RGB, colours.T, strict=True))
+        | {"std": deviation_m}
+    )
+
+
+def distances(centres_world_m: FloatArray, distance_m: FloatArray) -> bytes:
+    """A PLY file's bytes of places (n, 3) with their distance (m) to a surface as `intensity`, as nvblox' ESDF."""
+    return _rows(dict(zip("xyz", centres_world_m.T, strict=True)) | {"intensity": distance_m.astype(np.float32)})
+
+
+def _rows(columns: Mapping[str, NDArray[Any]]) -> bytes:
+    """A PLY file's bytes of points with these columns: double, float or unsigned char."""
+    named = {"<f8": "double", "|u1": "uchar", "<f4": "float"}
+    count = len(next(iter(columns.values())))
+    rows = np.zeros(count, [(name, values.dtype) for name, values in columns.items()])
+    for name, values in columns.items():
+        rows[name] = values
+    properties = "".join(f"property {named[values.dtype.str]} {name}\n" for name, values in columns.items())
     head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
     return head.encode() + rows.tobytes()
 

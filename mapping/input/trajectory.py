@@ -1,8 +1,8 @@
 """Recorded motion of the vehicle, in TUM's or EuRoC's format, at the times of the images.
 
 TUM: `time_s x y z qx qy qz qw`, separated by spaces. EuRoC: `timestamp_ns,x,y,z,qw,qx,qy,qz`, separated by commas;
-further columns (velocity, biases) are not read. Lines that begin with # are comments. Positions are in metres, times on
-the clock of the images' `times.csv`.
+further columns (velocity, biases) are not read. Tables of others: see `pose_tables`. Lines that begin with # are
+comments. Positions are in metres, times on the clock of the images' `times.csv`.
 """
 
 import enum
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray, FormatError, InputError, cells, errors, frames, rotations
 from mapping import reach
+from mapping.input import pose_tables
 
 LEAST_INSTANTS = 4
 """Images that a recorded motion must cover."""
@@ -52,6 +53,8 @@ class Trajectory:
     """(n,) increasing."""
     T_start_body: FloatArray
     """(n, 4, 4) metres, in a frame of the recorder's own."""
+    std: tuple[float, float] | None = None
+    """Standard deviation of turn (rad) and shift (m) of each pose, if the file states it."""
 
     def at(self, time_s: FloatArray) -> FloatArray:
         """(m, 4, 4) poses at other times (m,): interpolated, or a recorded one; NaN where nothing was recorded."""
@@ -132,17 +135,30 @@ def read(path: Path) -> Trajectory:
     used = [(k, line) for k, line in enumerate(lines, start=1) if line.strip() and not line.lstrip().startswith("#")]
     if len(used) < 2:
         raise FormatError(f"{path} has {len(used)} poses; at least 2 are needed")
-    is_euroc = "," in used[0][1]
-    rows = np.array([_row(path, k, line.split(",") if is_euroc else line.split(), is_euroc) for k, line in used])
-    time_s, positions_m = rows[:, 0], rows[:, 1:4]
-    q = rows[:, 4:] if is_euroc else rows[:, [7, 4, 5, 6]]
+    rows, std = _rows(path, used)
+    if len(rows) < 2:
+        raise FormatError(f"{path} has {len(rows)} poses; at least 2 are needed")
+    time_s, positions_m, q = rows[:, 0], rows[:, 1:4], rows[:, 4:]
+    used = used[-len(rows) :]
     _require_rising(path, time_s, [number for number, _ in used])
     if (off := np.flatnonzero(np.abs(np.linalg.norm(q, axis=1) - 1.0) > 0.01)).size:
-        order = "w x y z" if is_euroc else "x y z w"
+        order = "w x y z" if "," in used[0][1] else "x y z w"
         raise FormatError(f"{path}, line {used[int(off[0])][0]}: its quaternion ({order}) is not of unit length")
     _require_seconds(path, time_s)
     _require_metres(path, time_s, positions_m)
-    return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m))
+    return Trajectory(path, time_s, frames.transform(rotations.normalise(q), positions_m), std)
+
+
+def _rows(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[FloatArray, tuple[float, float] | None]:
+    """(n, 8) time (s), position (m) and quaternion (w first), and the stated noise; by the first line's format."""
+    first = lines[0][1]
+    if pose_tables.header(first) is not None:
+        return pose_tables.read(path, lines)
+    if path.suffix.lower() == pose_tables.ARKIT_SUFFIX:
+        return pose_tables.arkit(path, lines), None
+    is_euroc = "," in first
+    rows = np.array([_row(path, k, line.split(",") if is_euroc else line.split(), is_euroc) for k, line in lines])
+    return rows if is_euroc else rows[:, [0, 1, 2, 3, 7, 4, 5, 6]], None
 
 
 def looks_like_one(path: Path) -> bool:
@@ -150,6 +166,8 @@ def looks_like_one(path: Path) -> bool:
     try:
         with path.open(encoding="utf-8") as file:
             first = next((line for line in file if line.strip() and not line.lstrip().startswith("#")), "")
+        if pose_tables.header(first) is not None or path.suffix.lower() == pose_tables.ARKIT_SUFFIX:
+            return True
         is_euroc = "," in first
         return bool(_row(path, 1, first.split(",") if is_euroc else first.split(), is_euroc))
     except (OSError, UnicodeDecodeError, FormatError, InputError):

@@ -232,6 +232,7 @@ def align(
     has_depth: bool = False,
     by_motion: Sequence[int] = (),
     tracked_body: Mapping[str, FloatArray] | None = None,
+    clocks: Mapping[str, Sequence[float]] | None = None,
 ) -> Alignment:
     """Find scale and world frame.
 
@@ -242,6 +243,8 @@ def align(
         has_depth: depth images gave COLMAP's world its scale.
         by_motion: instants that recorded motion placed; it is compared with the others.
         tracked_body: by the kind of a recording, the body on what was tracked (4, 4), where that is known.
+        clocks: likewise how late its clock is and the standard deviation (s), from more than the turns that are else
+            compared.
 
     Raises:
         MapError: nothing gives the scale, or the given length is from an image that is not in the map.
@@ -250,7 +253,7 @@ def align(
     known = np.asarray(np.isfinite(T_old_body[:, :3, 3]).all(axis=1))
     witnessing = T_old_body.copy()
     witnessing[list(by_motion)] = np.nan
-    checks = [(m, motion.check(m, images.time_s, witnessing)) for m in images.motions]
+    checks = [(m, _checked(m, images.time_s, witnessing, clocks or {})) for m in images.motions]
     for recorded, found in checks:
         if recorded.kind is MotionKind.POSES and found is not None:
             T_start_body, known_axes = _of_body(recorded, images.time_s, tracked_body or {})
@@ -281,6 +284,16 @@ def align(
     return (
         at_first if fit is None else _at_positions(at_first, fit, R_level, level[usable], references.position_m[usable])
     )
+
+
+def _checked(
+    recorded: Motion, time_s: FloatArray, T_old_body: FloatArray, clocks: Mapping[str, Sequence[float]]
+) -> MotionCheck | None:
+    found = motion.check(recorded, time_s, T_old_body)
+    if found is None or recorded.kind not in clocks:
+        return found
+    late_s, late_std_s = clocks[recorded.kind]
+    return dataclasses.replace(found, late_s=late_s, late_std_s=late_std_s)
 
 
 _Scale = tuple[str, float, float]

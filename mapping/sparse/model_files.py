@@ -10,7 +10,7 @@ from mapping.camera.trial import Finding, Trial
 from mapping.sparse.calibration.calibration import SparseModel
 
 _ARRAYS = ("T_world_body", "registered", "points_world", "descriptors", "observations", "pixels", "breaks", "overlaps")
-_NUMBERS = ("reprojection_error_px", "least_agreement", "repeated", "by_motion", "motion_notes", "cpu_s")
+_NUMBERS = ("reprojection_error_px", "least_agreement", "repeated", "by_motion", "motion_notes", "clocks", "cpu_s")
 
 
 def write(folder: Path, model: SparseModel) -> None:

@@ -139,6 +139,7 @@ def reconstruct(
         has_depth=images.depths is not None,
         by_motion=model.by_motion,
         tracked_body=model.tracked_body,
+        clocks=model.clocks,
     )
     return SparseMap(
         images=dataclasses.replace(images, rig=model.rig),

@@ -61,3 +61,13 @@ def test_a_single_precision_mesh_that_its_file_moves_far_away_in_double_precisio
     scene.export(tmp_path / "moved.glb")
     found = foreign_mesh.read(tmp_path / "moved.glb", up="z", origin=GRID)
     assert np.ptp(found.vertices_world_m, axis=0) == pytest.approx(CORNER + 0.001, abs=1e-6)
+
+
+def test_two_maps_in_one_file_are_counted_and_the_rooms_of_one_are_not(tmp_path: Path) -> None:
+    def rooms(*corners: float) -> int:
+        boxes = [trimesh.creation.box(bounds=[[x, 0.0, 0.0], [x + 4.0, 3.0, 2.5]]) for x in corners]
+        crumb = trimesh.creation.box(bounds=[[90.0, 0.0, 0.0], [90.1, 0.1, 0.1]])
+        trimesh.util.concatenate([*boxes, crumb]).export(tmp_path / "rooms.stl")
+        return foreign_mesh.parts(foreign_mesh.read(tmp_path / "rooms.stl", unit="m"))
+
+    assert [rooms(0.0), rooms(0.0, 4.2, 8.4), rooms(0.0, 9.0), rooms(0.0, 9.0, 4.5)] == [1, 1, 2, 1]

@@ -336,3 +336,14 @@ def test_a_broken_map_is_refused_and_names_the_two_images() -> None:
     found = verdict.judge(placed(breaks=((4, 5),)))
     assert found.standing is Standing.REFUSED
     assert "broken between the images 4.png and 5.png" in found.reasons[0]
+
+
+@pytest.mark.parametrize(
+    ("turn_rad", "said"),
+    [([np.pi, 0.0, 0.0], "z were down"), ([-np.pi / 2, 0.0, 0.0], "y were up"), ([0.0, np.pi / 2, 0.0], "x were up")],
+)
+def test_poses_with_another_axis_up_are_said_to_have_it(turn_rad: list[float], said: str) -> None:
+    T = frames.transform(rotations.exp([*turn_rad]), np.zeros(3))[None]
+    (doubt,) = verdict._tilt_doubts(T)
+    assert said in doubt
+    assert not verdict._tilt_doubts(np.eye(4)[None])

@@ -1,4 +1,4 @@
-"""`goshawk map export`: a map for other programs: mesh, points, a slice for ROS, a COLMAP model, an OctoMap."""
+"""`goshawk map export`: a map for other programs: mesh, points, grids, a COLMAP model, an OctoMap."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,16 +11,19 @@ import mapping
 from flight import InputError, results
 from goshawk.terminal import console, outputs
 from mapping import foreign_mesh, map_server
+from mapping.cloud import height_field
 from mapping.dense import mesh_file
 from mapping.export import colmap_files, octomap, surfaces
 from mapping.map_folder import Map
 from mapping.sparse import tracks
 
 KINDS: Mapping[str, tuple[str, ...]] = {
-    "mesh": (".ply", ".obj", ".stl", ".glb"),
+    "mesh": (".ply", ".obj", ".stl", ".glb", ".usda"),
     "points": (".ply",),
     "ros": (".pgm",),
     "octomap": (".bt",),
+    "dem": (".asc",),
+    "distances": (".ply",),
     "colmap": ("",),
 }
 """What is exported, and the ends of its file's name; the first kind of an end is taken without --as."""
@@ -30,9 +33,13 @@ _NEAR_M = 0.15
 
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
-@console.path_option("--out", "out", "File to write (.ply, .obj, .stl, .glb, .pgm, .bt), or folder.", required=True)
+@console.path_option(
+    "--out", "out", "File to write (.ply, .obj, .stl, .glb, .usda, .pgm, .bt, .asc), or folder.", required=True
+)
 @click.option("--as", "kind", type=click.Choice(list(KINDS)), help="What to export [default: by the end of --out].")
-@click.option("--height", "height_m", type=float, help="Height of the slice for ROS, metres in the map.")
+@click.option(
+    "--height", "height_m", type=float, help="Height of the slice for ROS or of distances, metres in the map."
+)
 @outputs.overwrite_option
 @console.common_options
 def export(
@@ -41,18 +48,23 @@ def export(
     """Write MAP for other programs. Metres.
 
     \b
-    goshawk map export map --out room.glb                 # mesh; also PLY, OBJ, STL
+    goshawk map export map --out room.glb                 # mesh; also PLY, OBJ, STL, USDA
     goshawk map export map --out room.ply --as points     # the mesh's vertices with standard deviations
     goshawk map export map --out room.pgm --height 1.2    # slice, with a YAML file for ROS map_server
     goshawk map export map --out room.bt                  # OctoMap
+    goshawk map export map --out room.asc                 # elevation model: the highest surfaces, an ESRI ASCII grid
+    goshawk map export map --out esdf.ply --as distances --height 1.2  # slice of the distance field; without: all of it
     goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
-    Up is z, in OBJ and GLB y. Slice and OctoMap have the pilot's edits, meshes and points have none. `goshawk map
-    import` reads meshes, points and YAML again; only slice and OctoMap say which space is free.
+    Up is z, in OBJ and GLB y. Slices, OctoMap and elevation model have the pilot's edits, meshes and points have none.
+    `goshawk map import` reads all but distances again; only slice and OctoMap say which space is free. Distances are
+    points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are known.
     """
     kind = _kind(out, kind)
-    if (kind == "ros") != (height_m is not None):
-        raise InputError("--height goes with a slice for ROS (.pgm), which needs it: metres in the map")
+    if kind == "ros" and height_m is None:
+        raise InputError("a slice for ROS (.pgm) needs --height, metres in the map")
+    if kind not in ("ros", "distances") and height_m is not None:
+        raise InputError("--height goes with a slice for ROS (.pgm) or of distances")
     if kind == "colmap":
         facts = _colmap(mapping.open_map(map_folder), out, overwrite=overwrite)
         _show(map_folder, facts, [out], as_json=as_json)
@@ -61,7 +73,7 @@ def export(
     outputs.check(out, yaml, overwrite=overwrite)
     area = mapping.open_map(map_folder)
     written = {out: b""}
-    facts = {"map_hash": area.hash}
+    facts: dict[str, object] = {"map_hash": area.hash}
     if kind == "ros" and yaml is not None and height_m is not None:
         image = map_server.slice_at(area.field, height_m)
         written = {out: map_server.pgm(image), yaml: map_server.yaml(out.name, area.field.grid).encode()}
@@ -69,6 +81,10 @@ def export(
     elif kind == "octomap":
         written[out] = octomap.encode(area.field)
         facts |= _shares(area.field.state)
+    elif kind == "dem":
+        written[out], facts["cells with a height"] = _elevation(area)
+    elif kind == "distances":
+        written[out], facts["points"] = _distances(area, height_m)
     else:
         vertices, faces, colours = foreign_mesh.of_map(area)
         if kind == "points":
@@ -106,6 +122,30 @@ def _kind(out: Path, asked: str | None) -> str:
 def _shares(state: "np.ndarray") -> dict[str, object]:
     shares = {"free": esdf.FREE, "occupied": esdf.OCCUPIED, "unknown": esdf.UNKNOWN}
     return {name: f"{float((state == which).mean()):.0%}" for name, which in shares.items()}
+
+
+def _elevation(area: Map) -> tuple[bytes, str]:
+    """An ASCII grid of the highest surfaces, and the share of its cells that have one."""
+    grid = area.field.grid
+    if grid.voxel_m[0] != grid.voxel_m[1]:
+        raise InputError(f"the voxels are {grid.voxel_m[:2]} m wide; an ASCII grid has squares")
+    height_m = height_field.of_states(area.field.state, grid)
+    x_m, y_m, _ = grid.origin_world_m
+    return height_field.encode(height_m, grid.voxel_m[0], (x_m, y_m)), f"{float(np.isfinite(height_m).mean()):.0%}"
+
+
+def _distances(area: Map, height_m: float | None) -> tuple[bytes, int]:
+    """A PLY file's bytes of the distances of known voxels, at one height or everywhere; and how many there are."""
+    grid = area.field.grid
+    known = area.field.state != esdf.UNKNOWN
+    if height_m is not None:
+        low_m, high_m = float(grid.low_world_m[2]), float(grid.high_world_m[2])
+        if not low_m <= height_m < high_m:
+            raise InputError(f"--height is {height_m:g} m; the map reaches from {low_m:.2f} to {high_m:.2f} m")
+        layer = int(grid.index(np.array([[0.0, 0.0, height_m]]))[0, 2])
+        known[:, :, :layer], known[:, :, layer + 1 :] = False, False
+    centres = grid.centre(np.argwhere(known))
+    return surfaces.distances(centres, area.field.distance(centres)), len(centres)
 
 
 def _deviation_m(area: Map, vertices: int) -> "np.ndarray":

@@ -1,4 +1,4 @@
-"""`goshawk map import`: a map without images, from a mesh, points, an OctoMap or a two-dimensional map of others."""
+"""`goshawk map import`: a map without images, from what other programs made: meshes, points, grids."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,23 +14,29 @@ from goshawk.terminal import console, outputs
 from mapping import map_folder
 
 _VOXEL_M, _GAP_M = 0.05, 0.2
-_IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg", ".tif", ".tiff")
-_KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)"}
+_IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
+_KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)", "dem": "elevation models"}
 """Of which an option says something."""
-_A_KIND = {"mesh": "a mesh", "cloud": "a cloud of points", "map": "a two-dimensional map", "octomap": "an OctoMap"}
-_OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud"), ("cloud",)
+_A_KIND = {
+    "mesh": "a mesh",
+    "cloud": "a cloud of points",
+    "map": "a two-dimensional map",
+    "octomap": "an OctoMap",
+    "dem": "an elevation model",
+}
+_OF_SHAPES, _OF_CLOUDS, _OF_PLACES = ("mesh", "cloud"), ("cloud",), ("mesh", "cloud", "dem")
 _FOR: dict[str, tuple[str, ...]] = {
     "--unit": _OF_SHAPES,
     "--up": _OF_SHAPES,
-    "--origin": _OF_SHAPES,
-    "--voxel": _OF_SHAPES,
+    "--origin": _OF_PLACES,
+    "--voxel": _OF_PLACES,
     "--observed": _OF_SHAPES,
     "--sensor": _OF_CLOUDS,
     "--sensor-poses": _OF_CLOUDS,
     "--viewpoints": _OF_CLOUDS,
     "--least-points": _OF_CLOUDS,
     "--gap": _OF_CLOUDS,
-    "--heights": ("map",),
+    "--heights": ("map", "dem"),
 }
 """Kinds of FILE that each option is for."""
 _KEPT = (
@@ -51,6 +57,7 @@ _MAKES_FREE = {
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
     "octomap": "it states none",
+    "dem": "state it, by --heights LOW,HIGH",
 }
 
 
@@ -125,9 +132,10 @@ def import_(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of another program's mesh, points, OctoMap or ROS map.
+    """Make a map of another program's mesh, points, OctoMap, ROS map or elevation model.
 
-    Meshes are PLY, OBJ, STL or GLB; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; ROS maps map_server's YAML.
+    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; ROS maps map_server's
+    YAML; elevation models ASC or GeoTIFF.
 
     \b
     goshawk map import room.ply --out map --dry-run
@@ -139,6 +147,7 @@ def import_(
     goshawk map import walk.laz --out map --sensor-poses lidar_tum.txt
     goshawk map import robot.bt --out map
     goshawk map import hall.yaml --out map --heights 0,2.5
+    goshawk map import quarry.tif --out map --origin 512300,5403200,410 --voxel 0.5 --heights 0,60
 
     Voxels that a triangle touches are occupied, all others unknown: a mesh does not say what was seen. --observed
     states it, in metres in the map's frame, for the space about a place as far as surfaces and the mesh's box. Normals
@@ -153,6 +162,9 @@ def import_(
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
+
+    An elevation model has one height a cell. With --heights you state that all above it from LOW to HIGH is free: wires
+    and overhanging trees are what it does not show. Below it is unknown.
     """
     asked = Asked(
         unit, up, voxel_m, observed, origin, sensors, poses, viewpoints, least_points, gap_m, heights, more=files[1:]
@@ -185,6 +197,8 @@ def import_file(
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
     elif kind == "octomap":
         mesh, space, facts = _octomap(file)
+    elif kind == "dem":
+        mesh, space, facts = _elevation(file, asked, origin)
     elif kind == "cloud":
         from goshawk.commands.map import import_cloud
 
@@ -196,9 +210,8 @@ def import_file(
         mesh, space, facts = import_cloud.read((file, *asked.more), taken, rays, options, progress)
     else:
         mesh = foreign_mesh.read(file, unit=asked.unit, up=asked.up, origin=origin)
-        progress("voxels", 0.3)
-        space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places)
-        facts = _triangles(mesh)
+        space = imported.space(mesh, asked.voxel_m or _VOXEL_M, places, progress)
+        facts = _triangles(mesh) | {"parts": foreign_mesh.parts(mesh)}
     names = [each.name for each in (file, *asked.more)]
     document = _document(names, mesh, space, places) | facts
     document |= {"origin": None if origin is None else origin.tolist(), "written": None}
@@ -239,10 +252,12 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    from mapping.cloud import columns, octomap_file, point_file
+    from mapping.cloud import columns, height_field, octomap_file, point_file
 
     if suffix in octomap_file.SUFFIXES:
         return "octomap"
+    if suffix in height_field.SUFFIXES:
+        return "dem"
     if suffix in columns.SUFFIXES and suffix != ".ply":
         return "cloud"
     return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
@@ -291,6 +306,24 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
         raise InputError(f"{file.name} shows nothing occupied: a map without walls is no map to plan in")
     open_edges = len(faces)  # of two triangles each, a side is open above and below
     mesh = foreign_mesh.ForeignMesh(vertices, faces, "m (ROS' rule)", "z (ROS' rule)", open_edges)
+    return mesh, space, _triangles(mesh)
+
+
+def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any, Any, dict[str, Any]]:
+    """The surface and the voxels of a digital elevation model, and facts about them."""
+    from mapping import foreign_mesh
+    from mapping.cloud import height_field
+
+    between = None
+    if asked.heights is not None:
+        low_m, high_m = console.numbers("--heights", asked.heights, 2)
+        between = (low_m, high_m)
+    field = height_field.read(file, origin=origin)
+    space = height_field.space(field, asked.voxel_m or _VOXEL_M, between)
+    vertices, faces = height_field.surface(field)
+    mesh = foreign_mesh.ForeignMesh(
+        vertices, faces, "m (an elevation model's rule)", "z (an elevation model's rule)", 0
+    )
     return mesh, space, _triangles(mesh)
 
 
@@ -344,6 +377,10 @@ def _facts(kind: str, document: dict[str, Any]) -> dict[str, object]:
         **_contents(kind, document),
         "space": ", ".join(f"{value:.1f} m3 ({value / whole:.0%}) {name}" for name, value in shares.items()),
     }
+    if document.get("parts", 1) > 1:
+        facts["apart"] = (
+            f"{document['parts']} parts, more than 2 m from each other: cut the file if they are several maps"
+        )
     if document["open_sides"] and kind == "mesh":  # that of a map of one height always ends there
         facts["open"] = "free space reaches the edge of the mesh's box: it has a hole there, or --observed is outside"
     if not document["free_m3"]:

@@ -16,15 +16,19 @@ from flight import FloatArray, Progress
 from mapping.camera import adjustment
 from mapping.camera import trial as calibration_trial
 from mapping.camera.adjustment import Observations
+from mapping.camera.pose_priors import Recorded
 from mapping.camera.rig import Rig
 from mapping.camera.trial import Trial
 from mapping.input.images import ImageSet
+from mapping.input.trajectory import MotionKind
 from mapping.sparse.calibration import eccentricity
 from mapping.sparse.features import features, repetition
 from mapping.sparse.mapper import agreement, colmap, colmap_model, overlap
 from mapping.sparse.mapper.colmap import PlacedImages, SparseOptions, Stopwatch
 
 _TRYING = "trying the calibration"
+_LEAST_CLOCK_STD_S = 1e-3
+"""Poses are recorded, and interpolated, no more exactly in time."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,6 +59,8 @@ class Registration:
     """How recorded motion placed images, or why it placed none, or not all, of those that needed it."""
     tracked_body: dict[str, FloatArray] = dataclasses.field(default_factory=dict)
     """By the kind of a recording whose poses placed the images: the body on what was tracked, (4, 4)."""
+    clocks: dict[str, list[float]] = dataclasses.field(default_factory=dict)
+    """By the kind of a recording that held the poses: how late its clock is, and the standard deviation (s)."""
     trial: Trial
     """What the matches say of the camera file; its poses and points are COLMAP's, not the world's."""
     cpu_s: dict[str, float]
@@ -87,7 +93,8 @@ def calibrate(images: ImageSet, options: SparseOptions, placed: PlacedImages, *,
     progress(_TRYING, 0.0)
     model = pycolmap.Reconstruction(placed.model)
     seen = _features_seen(placed.database, model, images)
-    trial = calibration_trial.hold(seen)
+    recorded = _recorded(images, placed)
+    trial = calibration_trial.hold(seen, recorded)
     watch.lap("trial of the calibration")
     if images.depths is None:
         images = dataclasses.replace(images, rig=trial.rig)
@@ -98,12 +105,39 @@ def calibrate(images: ImageSet, options: SparseOptions, placed: PlacedImages, *,
             # matches chosen by the wrong calibration show too little of what is wrong with it (8.4 % of 9.1 %)
             progress(_TRYING, 0.0)
             again = dataclasses.replace(_features_seen(placed.database, model, images), rig=seen.rig)
-            trial = calibration_trial.hold(again)
+            trial = calibration_trial.hold(again, recorded)
             images = dataclasses.replace(images, rig=trial.rig)
             colmap_model.write_back(model, images, trial)
             watch.lap("trial on the matches of the corrected calibration")
         colmap_model.drop_lost_points(model)
     return _read_out(placed, model, images, trial, watch)
+
+
+def _recorded(images: ImageSet, placed: PlacedImages) -> Recorded | None:
+    """Recorded poses that placed images, as priors; odometry drifts, and depth images give the poses by themselves."""
+    for motion in images.motions:
+        if motion.kind is MotionKind.POSES and motion.kind in placed.tracked_body and images.depths is None:
+            return Recorded(
+                motion.name,
+                lambda late_s, path=motion.trajectory: path.at(images.time_s + late_s),
+                placed.tracked_body[motion.kind],
+                _is_dense(motion.trajectory.time_s, images.time_s),
+                motion.trajectory.std,
+            )
+    return None
+
+
+def _clocks(trial: Trial) -> dict[str, list[float]]:
+    judged = trial.priors
+    if judged is None or judged.late_std_s == 0.0:
+        return {}
+    return {MotionKind.POSES: [judged.late_s, max(judged.late_std_s, _LEAST_CLOCK_STD_S)]}
+
+
+def _is_dense(recorded_s: FloatArray, images_s: FloatArray) -> bool:
+    """Whether a recording has so many poses between the images that those at other times are known, too."""
+    steps_s = np.diff(np.sort(images_s[np.isfinite(images_s)]))
+    return bool(len(steps_s)) and float(np.median(np.diff(recorded_s))) <= 0.5 * float(np.median(steps_s))
 
 
 def _choose_matches_again(database: Path, model: Any, rig: Rig, options: SparseOptions, progress: Progress) -> None:
@@ -163,8 +197,9 @@ def _read_out(placed: PlacedImages, model: Any, images: ImageSet, trial: Trial, 
         overlaps=overlap.of_instants(placed.database, images),
         repeated=placed.repeated,
         by_motion=placed.by_motion,
-        motion_notes=placed.motion_notes,
+        motion_notes=[*placed.motion_notes, *([trial.priors.text] if trial.priors else [])],
         tracked_body=placed.tracked_body,
+        clocks=_clocks(trial),
         trial=trial,
         cpu_s=placed.cpu_s | watch.cpu_s,
     )

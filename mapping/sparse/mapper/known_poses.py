@@ -36,6 +36,19 @@ _TRIED_PAIRS = 150
 _LATE_S = (0.02, 0.05, 0.1, 0.2, 0.5)
 """Errors of the clock that are tried where poses fail, so that the message names one."""
 
+_AXES = (
+    ("north, east, down beside east, north, up", np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])),
+    ("north, east, down beside north, west, up", np.diag([1.0, -1.0, -1.0])),
+    ("x, z, -y beside x, y, z (y up)", np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])),
+    ("x, -z, y beside x, y, z (y up)", np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])),
+)
+"""Positions in one frame and attitudes in another, as a converter leaves them that turned only one."""
+_LEFT_HANDED = (
+    ("with y mirrored", np.diag([1.0, -1.0, 1.0])),
+    ("with z mirrored", np.diag([1.0, 1.0, -1.0])),
+)
+"""Of game engines. Which axis is mirrored shows only in where up is."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownPoses:
@@ -179,8 +192,8 @@ def _turns(database: Path, images: ImageSet) -> Iterator[tuple[int, int, FloatAr
 
 def _explained(database: Path, images: ImageSet, recorded: Motion, share: float) -> str:
     """What is wrong with poses that the matches contradict, if another reading of the file fits: a clause."""
-    for what, T_world_tracked in _misread(recorded, images.time_s):
-        for _, T_tracked_body in itertools.islice(_readings(database, images, T_world_tracked), 2):
+    for what, T_world_tracked, readings in _misread(recorded, images.time_s):
+        for _, T_tracked_body in itertools.islice(_readings(database, images, T_world_tracked), readings):
             T_world_body = T_world_tracked @ T_tracked_body
             pairs = agreement.of_pairs(database, images, images.rig, T_world_body, most=_TRIED_PAIRS)
             if len(pairs.share) and np.median(pairs.share) > max(agreement.LEAST, share):
@@ -188,18 +201,30 @@ def _explained(database: Path, images: ImageSet, recorded: Motion, share: float)
     return ""
 
 
-def _misread(recorded: Motion, time_s: FloatArray) -> Iterator[tuple[str, FloatArray]]:
-    """Poses as other readings of the file have them: other order of the quaternion, inverse, another clock."""
+def _misread(recorded: Motion, time_s: FloatArray) -> Iterator[tuple[str, FloatArray, int | None]]:
+    """Poses as other readings of the file have them: other order of the quaternion, inverse, another clock, other axes.
+
+    And of how many of the things that may have been tracked they are tried as the poses; None: of all.
+    """
     T = recorded.trajectory.at(time_s)
     q = rotations.from_matrix(np.where(np.isfinite(T[:, :3, :3]), T[:, :3, :3], np.eye(3)))
-    yield "they are from world to body: give their inverse", frames.invert(T)
+    yield "they are from world to body: give their inverse", frames.invert(T), 2
     for what, order in (("its scalar stands first", [3, 0, 1, 2]), ("its scalar stands last", [1, 2, 3, 0])):
         swapped = T.copy()
         swapped[:, :3, :3] = rotations.matrix(q[:, order])
-        yield f"the quaternion is of another order, as {what}", np.where(np.isfinite(T), swapped, np.nan)
+        yield f"the quaternion is of another order, as {what}", np.where(np.isfinite(T), swapped, np.nan), 2
     for late_s in itertools.chain.from_iterable((s, -s) for s in _LATE_S if s <= LONGEST_GAP_S):
         when = "late" if late_s > 0.0 else "early"
         yield (
             f"their times are about {abs(late_s):g} s {when} against the images: shift them",
             recorded.trajectory.at(time_s + late_s),
+            2,
         )
+    for what, M in _AXES:
+        moved = T.copy()
+        moved[:, :3, 3] = T[:, :3, 3] @ M.T
+        yield f"their positions are in other axes than their quaternions, as {what}", moved, None
+    for what, M in _LEFT_HANDED:
+        moved = T.copy()
+        moved[:, :3, 3], moved[:, :3, :3] = T[:, :3, 3] @ M.T, M @ T[:, :3, :3] @ M.T
+        yield f"their axes are left-handed, as {what}", moved, None

@@ -10,7 +10,7 @@ import pytest
 
 import mapping
 from flight import FloatArray, FormatError, InputError, MapError, frames, rotations
-from mapping import verdict
+from mapping import poses_file, verdict
 from mapping.camera import rig_export
 from mapping.camera.rig import R_BODY_CAMERA_FORWARD, Rig, forward_camera
 from mapping.input import trajectory
@@ -407,3 +407,73 @@ def test_one_pose_that_is_far_ahead_at_the_end_takes_no_memory(tmp_path: Path) -
     assert len(trajectory.read(write_tum(tmp_path / "poses.tum", time_s, pose(seconds))).time_s) == 100
     assert tracemalloc.get_traced_memory()[1] < 10e6
     tracemalloc.stop()
+
+
+def write_aria(path: Path, time_s: FloatArray, T: FloatArray) -> Path:
+    """As Machine Perception Services write closed loop trajectories, without their later columns."""
+    q = rotations.from_matrix(T[:, :3, :3])[:, [1, 2, 3, 0]]
+    names = [f"{name}_world_device" for name in ("tx", "ty", "tz", "qx", "qy", "qz", "qw")]
+    rows = [
+        f"0a1b,{round(t * 1e6)},{round(t * 1e9)},{','.join(f'{v:.12g}' for v in [*p, *a])},1"
+        for t, p, a in zip(time_s, T[:, :3, 3], q, strict=True)
+    ]
+    head = ",".join(["graph_uid", "tracking_timestamp_us", "utc_timestamp_ns", *names, "quality_score"])
+    path.write_text("\n".join([head, *rows, ""]))
+    return path
+
+
+def write_arkit(path: Path, time_s: FloatArray, T: FloatArray) -> Path:
+    """As ARKitScenes has them: rotation vector and shift of world to camera."""
+    inverse = frames.invert(T)
+    turns = rotations.log(rotations.from_matrix(inverse[:, :3, :3]))
+    np.savetxt(path.with_suffix(".traj"), np.column_stack([time_s, turns, inverse[:, :3, 3]]), fmt="%.12g")
+    return path.with_suffix(".traj")
+
+
+def write_ours(path: Path, time_s: FloatArray, T: FloatArray) -> Path:
+    covariance = np.tile(np.diag([0.02**2] * 3 + [0.01**2] * 3), (len(T), 1, 1))
+    poses_file.write_poses(path, [f"{k}.jpg" for k in range(len(T))], time_s, T, covariance)
+    return path
+
+
+@pytest.mark.parametrize("write", [write_tum, write_euroc, write_aria, write_arkit, write_ours])
+def test_poses_of_each_format_are_the_same(tmp_path: Path, write: Callable[..., Path]) -> None:
+    found = trajectory.read(write(tmp_path / "p", RECORDED_S, pose(RECORDED_S)))
+    np.testing.assert_allclose(found.time_s, RECORDED_S, atol=1e-6)
+    np.testing.assert_allclose(found.T_start_body, pose(RECORDED_S), atol=2e-5)
+    assert found.std == (pytest.approx((0.01, 0.02)) if write is write_ours else None)
+    assert trajectory.looks_like_one(found.path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("graph_uid,tracking_timestamp_us,tx_world_device\n1,2,3\n1,3,4\n", "has no column ty_world_device"),
+        ("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n1,0,0,0,1,0,0,0\n2,0,0,0,1,0,0\n", "line 3: 7 columns, the first line has 8"),
+        ("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n1,0,0,0,1,0,0,0\n2,0,nan,0,1,0,0,0\n", "line 3: a number is missing"),
+        ("time_s,x_m,y_m,z_m,qw,qx,qy,qz\n1,0,0,0,1,0,0,0\n", "has 1 poses; at least 2"),
+    ],
+)
+def test_a_table_of_poses_that_is_cut_says_where(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text(text)
+    with pytest.raises(FormatError, match=said):
+        trajectory.read(path)
+
+
+def test_seven_columns_are_arkits_only_by_the_files_name(tmp_path: Path) -> None:
+    for name in ("poses.txt", "poses.traj"):
+        (tmp_path / name).write_text("1 0 0 0 0 0 0\n2 0 0 0 0 0 0\n")
+    assert len(trajectory.read(tmp_path / "poses.traj").time_s) == 2
+    with pytest.raises(FormatError, match="7 columns"):
+        trajectory.read(tmp_path / "poses.txt")
+
+
+def test_a_clock_that_the_priors_found_is_the_one_that_is_said(tmp_path: Path) -> None:
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S + 0.05, pose(RECORDED_S)))
+    references = alignment.read_references(images)
+    found = alignment.align(
+        images, old(), references, baseline_std=None, length=None, clocks={MotionKind.POSES: [0.051, 0.001]}
+    )
+    (said,) = doubts(found)
+    assert "0.051 ± 0.002 s late" in said

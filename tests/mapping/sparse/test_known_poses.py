@@ -10,10 +10,13 @@ import pytest
 from flight import FloatArray, MapError, frames, rotations, silent
 from goshawk.rendered import world as rendered_world
 from mapping.camera import trial
+from mapping.camera.pose_priors import Recorded
+from mapping.input.depth_images import DepthFolder
 from mapping.input.images import ImageSet
 from mapping.input.trajectory import Motion, MotionKind, Trajectory
+from mapping.sparse.calibration import calibration
 from mapping.sparse.mapper import colmap, colmap_model, known_poses
-from mapping.sparse.mapper.colmap import SparseOptions
+from mapping.sparse.mapper.colmap import PlacedImages, SparseOptions
 from mapping.sparse.mapper.known_poses import KnownPoses
 
 COUNT, WINDOW, NOISE_PX = 16, 3, 0.3
@@ -124,6 +127,8 @@ def test_an_instant_whose_matches_contradict_its_pose_is_left_to_the_matches(mad
         (lambda T: frames.invert(T), "world to body"),
         (lambda T: reordered(T, [3, 0, 1, 2]), "scalar stands last"),
         (lambda T: reordered(T, [1, 2, 3, 0]), "scalar stands first"),
+        (lambda T: other_axes(T, np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])), "north, east, down"),
+        (lambda T: mirrored(T, np.diag([1.0, -1.0, 1.0])), "left-handed"),
     ],
 )
 def test_poses_that_are_misread_place_none_and_say_how_they_would_fit(made, wrong, said: str) -> None:
@@ -136,6 +141,19 @@ def test_poses_that_are_misread_place_none_and_say_how_they_would_fit(made, wron
 def reordered(T: FloatArray, order: list[int]) -> FloatArray:
     other = T.copy()
     other[:, :3, :3] = rotations.matrix(rotations.from_matrix(T[:, :3, :3])[:, order])
+    return other
+
+
+def other_axes(T: FloatArray, M: FloatArray) -> FloatArray:
+    """Positions in axes of their own."""
+    other = T.copy()
+    other[:, :3, 3] = T[:, :3, 3] @ M.T
+    return other
+
+
+def mirrored(T: FloatArray, M: FloatArray) -> FloatArray:
+    other = other_axes(T, M)
+    other[:, :3, :3] = M @ T[:, :3, :3] @ M
     return other
 
 
@@ -193,3 +211,26 @@ def test_where_neither_matches_nor_poses_place_images_both_reasons_are_said(tmp_
     database = database_of(tmp_path / "database.db", images, turning, points=60)
     with pytest.raises(MapError, match=r"(?s)no two of these images could be placed.*vio\.tum\) place no image"):
         colmap.place_beside(database, recorded(images, frames.invert(flown(FINE_S))), SparseOptions(), silent)
+
+
+def test_only_poses_that_placed_images_without_depth_are_priors(made) -> None:
+    _, images = made
+    T_tracked_body = frames.invert(RIG["down"].T_body_camera)
+    body = {MotionKind.POSES: T_tracked_body, MotionKind.ODOMETRY: T_tracked_body}
+
+    def priors(images: ImageSet, tracked_body: dict[str, FloatArray]) -> Recorded | None:
+        placed = PlacedImages(Path("db"), Path("model"), 0.0, [], [], tracked_body, {})
+        return calibration._recorded(images, placed)
+
+    beside = recorded(images, flown(FINE_S + 0.05))
+    found = priors(beside, body)
+    assert found is not None
+    assert found.is_dense
+    np.testing.assert_array_equal(found.T_tracked_body, T_tracked_body)
+    np.testing.assert_allclose(found.at(-0.05), flown(TIME_S), atol=2e-3)
+    assert priors(beside, {}) is None
+    assert priors(recorded(images, flown(FINE_S), kind=MotionKind.ODOMETRY), body) is None
+    assert priors(dataclasses.replace(beside, depths=DepthFolder(Path("depth"))), body) is None
+    sparse = priors(recorded(images, flown(TIME_S), TIME_S), body)
+    assert sparse is not None
+    assert not sparse.is_dense

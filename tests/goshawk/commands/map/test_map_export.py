@@ -5,11 +5,13 @@ import json
 from pathlib import Path
 
 import numpy as np
+import open3d
 import pycolmap
 import pytest
 import trimesh
 
 import mapping
+from esdf import UNKNOWN
 from mapping import map_parts
 from mapping.sparse.tracks import Tracks
 from tests.goshawk.commands.map.test_map_copy_verbs import folder
@@ -41,7 +43,8 @@ def test_a_folder_for_colmap_has_the_maps_images_points_and_observations(folder:
         ("a.ply", ("--as", "ros", "--height", "1"), "ros is a file that ends in .pgm"),
         ("a.bt", ("--as", "colmap"), "colmap is a folder"),
         ("a.bt", ("--height", "1"), "--height goes with"),
-        ("a.pgm", (), "--height goes with"),
+        ("a.pgm", (), "needs --height"),
+        ("a.ply", ("--as", "distances", "--height", "99"), "the map reaches from"),
     ],
 )
 def test_what_does_not_fit_the_name_is_refused(folder: Path, tmp_path: Path, name, options, said: str) -> None:
@@ -68,3 +71,21 @@ def test_points_and_voxels_are_written_by_their_names(folder: Path, tmp_path: Pa
     assert isinstance(trimesh.load(tmp_path / "a.ply"), trimesh.PointCloud)
     run("map", "export", folder, "--out", tmp_path / "a.bt")
     assert (tmp_path / "a.bt").read_bytes().startswith(b"# Octomap OcTree binary file\nid OcTree\n")
+
+
+def test_an_elevation_model_and_distances_are_those_of_the_map(folder: Path, tmp_path: Path) -> None:
+    area = mapping.open_map(folder)
+    run("map", "export", folder, "--out", tmp_path / "a.asc")
+    words = (tmp_path / "a.asc").read_text().split()
+    assert words[1:4:2] == [str(n) for n in area.field.grid.shape[:2]]
+    said = json.loads(run("map", "export", folder, "--out", tmp_path / "d.ply", "--as", "distances", "--json"))
+    points = open3d.t.io.read_point_cloud(tmp_path / "d.ply")
+    assert len(points.point.positions) == said["points"] == int((area.field.state != UNKNOWN).sum())
+    places = points.point.positions.numpy()
+    np.testing.assert_allclose(points.point["intensity"].numpy()[:, 0], area.field.distance(places), atol=1e-6)
+    height_m = float(places[:, 2].mean())
+    run("map", "export", folder, "--out", tmp_path / "s.ply", "--as", "distances", "--height", height_m)
+    layer = open3d.t.io.read_point_cloud(tmp_path / "s.ply").point.positions.numpy()
+    assert 0 < len(layer) < len(places)
+    assert np.ptp(layer[:, 2]) == 0.0
+    assert abs(layer[0, 2] - height_m) <= 0.5 * area.field.grid.voxel_m[2] + 1e-9

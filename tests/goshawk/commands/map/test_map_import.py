@@ -122,7 +122,7 @@ def test_what_cannot_be_a_room_is_refused_in_a_sentence(tmp_path: Path) -> None:
     assert "voxel of the surface" in refusal(written("at.stl"), "--observed", "0.025,1,1")
     assert "outside of the mesh's box" in refusal(written("out.stl"), "--observed", "9,1,1")
     assert "nor a direction" in refusal(written("up.stl"), "--up", "w")
-    assert "is not one of" in refusal(tmp_path / "room.usd")
+    assert "is not one of" in refusal(tmp_path / "room.fbx")
     assert "does not exist" in refusal(tmp_path / "none.ply") or "none.ply" in refusal(tmp_path / "none.ply")
     (tmp_path / "points.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 3 0\n")
     assert "no triangles" in refusal(tmp_path / "points.obj")

@@ -133,7 +133,7 @@ def test_a_map_too_large_for_memory_is_refused_before_it_is_decoded(tmp_path: Pa
         assert "Warning" not in said
     wide = np.full((1000, 2000), 254, np.uint8)
     wide[0, 0] = 0
-    assert "million: give less between the heights" in refusal(written(tmp_path / "w", wide), "--heights", "0,8")
+    assert "million: give less between the heights" in refusal(written(tmp_path / "w", wide), "--heights", "0,40")
     noise = np.zeros((1100, 1100), bool)
     noise[::2, 1::2] = noise[1::2, ::2] = True
     with pytest.raises(InputError, match=r"2\.4 million sides"):
