@@ -44,7 +44,7 @@ its slope. The torque of tilted rotors goes with that of rotors that speed up: l
 too small, which the products of rates tell beside it. Rotor drag damps yaw: left out, lags came out 4 % short and
 rotors seemed to have inertia. It is told as a damping of yaw alone, for no drag against wind follows from it, and
 inflow tells the other axes'."""
-DAMPERS = (DAMPING, "rotor_drag_speed", "rotor_drag_thrust")
+DAMPERS = (DAMPING, "rotor_drag_speed")
 """Effects that damp yaw: where the vehicle has one, none is tried."""
 USUAL_SHARE = 0.3
 """Of a rotor's thrust in hover: size of the parabola's lower terms, where the flights hardly tell it."""

@@ -13,7 +13,7 @@ import numpy as np
 from flight import rotations
 from flight.rotations import FloatArray
 from sysid.estimator.flights.flight_data import Flight
-from sysid.estimator.joint_problem.problem import Point
+from sysid.estimator.joint_problem.problem import Point, with_values
 from sysid.estimator.trajectory.model import along
 from sysid.estimator.trajectory.states import States
 from sysid.estimator.without_pose import rotors
@@ -25,7 +25,7 @@ SPAN_S = 4.0
 """Speeds that last longer are not told from errors of attitude."""
 CAUSES = ("inflow_linear", "translational_lift")
 """Along the thrust; drag sideways hardly moves anything that is estimated."""
-CLIMB_OFF = 0.3
+CLIMB_OFF = 0.2
 """Share of the climb that may be wrong: wind, attitude, and what lasts longer."""
 
 
@@ -69,5 +69,8 @@ def _with_usual(vehicle: Vehicle, effect: str, hover_rad_s: float) -> Vehicle:
     """The vehicle with an effect as it was fitted, or as large as is usual."""
     if effect in vehicle.effects:
         return vehicle
-    sizes = {spec.name: usual(spec, vehicle, hover_rad_s) for spec in effects.find(effect).parameters}
-    return vehicle.with_effect(effect, **sizes)
+    specs = effects.find(effect).parameters
+    names = tuple(f"{effect}.{spec.name}" for spec in specs)
+    return with_values(
+        vehicle.with_effect(effect), names, np.array([usual(spec, vehicle, hover_rad_s) for spec in specs])
+    )

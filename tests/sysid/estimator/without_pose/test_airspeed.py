@@ -28,7 +28,7 @@ def test_speed_is_the_specific_force_integrated_in_the_worlds_axes(fitted):
     step_s, n = 0.004, 3000
     time_s = step_s * np.arange(n)
     truth = np.stack([np.sin(6.0 * time_s), np.cos(5.0 * time_s), 0.5 * np.sin(4.0 * time_s)], axis=1)
-    force = np.gradient(truth, step_s, axis=0) + [0.2, 0.0, GRAVITY_M_S2]
+    force = np.gradient(truth, step_s, axis=0) + np.array([0.2, 0.0, GRAVITY_M_S2])
     half_turn = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
     body = rotations.rotate(rotations.conjugate(half_turn), force)[:-1]
     flight = replace(fitted.flights[0], time_s=time_s, specific_force_body_m_s2=body)
