@@ -92,9 +92,12 @@ def identify(
 
 def _shows_inflow(found: Identification) -> bool:
     """Whether it is beyond what a wrong lag explains; and no propeller gains thrust in a climb."""
-    one = found.estimate(f"{INFLOW}.inflow_kg")
-    std = max(one.std, one.std_robust)
-    return one.status == "free" and one.value > SURE_OF_INFLOW * std
+    name = f"{INFLOW}.inflow_kg"
+    if found.estimate(name).status != "free":
+        return False
+    solution, place = found.solution, found.unknowns.names.index(name)
+    both = solution.covariance(), robust_covariance(solution, len(found.unknowns.bias + found.unknowns.delay))[0]
+    return found.estimate(name).value > SURE_OF_INFLOW * max(float(np.sqrt(c[place, place])) for c in both)
 
 
 def _identified(
