@@ -52,6 +52,8 @@ class Flight:
     """Speed that a command of 1 was taken for, where commands were logged from 0 to 1; None: they were speeds."""
     accelerometer_low_pass: LowPass | None = None
     """What the accelerometer went through in the vehicle, as the log says."""
+    climb_m_s: FloatArray | None = None
+    """(k,) speed along the thrust over each interval, as far as an accelerometer shows it; None: taken to be nil."""
     left_out: str = ""
     """In words, which stretches of its log are not part of any flight, and why."""
 

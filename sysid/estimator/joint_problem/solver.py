@@ -67,6 +67,8 @@ class Solution:
     """(p, p) of the prior; the weight balance is a bound, and no measurement."""
     record: tuple[Iteration, ...]
     converged: bool
+    shifts: FloatArray | None = None
+    """(p, causes) by how much causes of usual size that are not in the model may have moved the parameters."""
 
     @property
     def hessian(self) -> FloatArray:

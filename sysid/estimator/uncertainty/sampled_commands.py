@@ -32,6 +32,6 @@ def variances(flights: Sequence[Flight], unknowns: Unknowns) -> FloatArray:
 
 
 def _sample_s(flight: Flight) -> float:
-    """Between two commands of the log; without a pose the nodes of the fit are its samples."""
-    stream = flight.streams.get(COMMAND) if flight.has_pose else None
+    """Between two commands of the log."""
+    stream = flight.streams.get(COMMAND)
     return float(np.median(flight.step_s if stream is None else np.diff(stream.spline.x)))

@@ -26,7 +26,8 @@ from sysid.estimator.joint_problem.solver import (
 )
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import Options
-from sysid.estimator.without_pose import coloured
+from sysid.estimator.trajectory.states import States
+from sysid.estimator.without_pose import airspeed, coloured
 from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.coloured import Coloured
 from sysid.estimator.without_pose.sensing import Shown, left, shown
@@ -172,8 +173,9 @@ def _solution(
         balance += np.outer(slope, slope)
     scores = tuple(_scores(f, part, noise, options.block_s) for f, part in zip(flights, parts, strict=True))
     levels = _levels(flights, parts)
+    pulls = [_pulls(f, part, noise, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
     residuals = tuple(_residuals(f, part, noise, levels) for f, part in zip(flights, parts, strict=True))
-    return Solution(
+    solution = Solution(
         point=point,
         noise=levels,
         residuals=residuals,
@@ -183,6 +185,16 @@ def _solution(
         record=record,
         converged=converged,
     )
+    return replace(solution, shifts=solution.covariance() @ np.sum(pulls, axis=0))
+
+
+def _pulls(flight: Flight, part: Shown, noise: Coloured, point: Point, states: States) -> FloatArray:
+    """(p, causes) pull on the parameters of what an unmeasured air speed adds."""
+    by = noise.white(part.by)
+    mean = part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2**2
+    added = airspeed.felt(flight, point, states)
+    pulls = [np.einsum("kcp,kc->p", by, noise.white(one)) + mean * one[:, FORCE_Z].mean() for one in added]
+    return np.stack(pulls, axis=1)
 
 
 def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:

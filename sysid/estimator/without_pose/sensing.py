@@ -1,8 +1,9 @@
 """What gyro and accelerometer of a flight without a pose show over each interval, less what the vehicle says.
 
 The accelerometer reads the specific force itself, so that neither attitude nor velocity is among the unknowns: the
-gyro's means are the body rate, and the air is taken to stand still about the vehicle. What drag and wind make of that
-is part of the disturbances, whose correlation in time the fit estimates (`coloured`).
+gyro's means are the body rate, and the air is taken to stand still but for the climb that the accelerometer shows
+(`airspeed`). What drag and wind make of that is part of the disturbances, whose correlation in time the fit estimates
+(`coloured`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -61,7 +62,7 @@ def left(flight: Flight, vehicle: Vehicle, values: Mapping[str, float]) -> Float
     Args:
         values: of the sensors' places, errors and delays, by name; zero where one is not among them.
     """
-    mid = resting(flight)
+    mid = climbing(flight)
     felt, turned = (
         along(vehicle, rotors.turned(flight, vehicle, (), v).flight, mid) for v in (_when_felt(flight, values), values)
     )
@@ -72,7 +73,7 @@ def shown(
     flight: Flight, vehicle: Vehicle, names: Sequence[str], model: tuple[str, ...], values: Mapping[str, float]
 ) -> Shown:
     """What is left, and its derivatives by the unknowns of these names, of which `model` are the vehicle's."""
-    mid, place = resting(flight), {name: i for i, name in enumerate(names)}
+    mid, place = climbing(flight), {name: i for i, name in enumerate(names)}
     felt, turned = (_response(flight, vehicle, model, v) for v in (_when_felt(flight, values), values))
     by = np.zeros((len(mid.step_s), 6, len(names)))
     own, drive = own_names(flight.log_index), [place[name] for name in model]
@@ -101,7 +102,7 @@ class _Response:
 def _response(flight: Flight, vehicle: Vehicle, model: tuple[str, ...], values: Mapping[str, float]) -> _Response:
     turned = rotors.turned(flight, vehicle, model, values)
     body = tuple(name for name in model if name not in turned.names)
-    said = slopes_along(vehicle, body, turned.flight, resting(flight))
+    said = slopes_along(vehicle, body, turned.flight, climbing(flight))
     of_rotors = said.rotor_speed @ turned.by_speed + said.rotor_acceleration @ turned.by_acceleration
     by = np.empty((len(said.value), 6, len(model) + 1))
     by[:, :, [model.index(name) for name in body]] = said.parameters
@@ -127,6 +128,14 @@ def resting(flight: Flight) -> Middle:
     high, axes = np.tile([0.0, 0.0, OPEN_AIR_M], (k, 1)), np.broadcast_to(np.eye(3), (k, 3, 3))
     gravity = np.array([0.0, 0.0, -flight.gravity_m_s2])
     return Middle(flight.step_s[:, None], axes, still, level, high, still, still, rate, gravity)
+
+
+def climbing(flight: Flight) -> Middle:
+    """The same in air that is passed along the thrust, as far as that is known."""
+    if flight.climb_m_s is None:
+        return resting(flight)
+    velocity = flight.climb_m_s[:, None] * [0.0, 0.0, 1.0]
+    return replace(resting(flight), velocity_world_m_s=velocity, velocity_body_m_s=velocity)
 
 
 def shown_at_rest(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[str, ...]:

@@ -62,7 +62,10 @@ def thrust_by_command(
     plain = solution.covariance()
     slopes = np.stack([_slope(vehicle, names[i], full * ratio) for i in thrust], axis=1)
     both = [np.einsum("ni,ij,nj->n", slopes, c[np.ix_(thrust, thrust)], slopes) for c in (covariance, plain)]
-    return rotor_thrust_n(vehicle, full * ratio), NORMAL_90 * np.sqrt(np.maximum(*both))
+    moved = np.zeros(len(ratio))
+    if solution.shifts is not None:
+        moved = ((slopes @ solution.shifts[thrust]) ** 2).sum(axis=1)
+    return rotor_thrust_n(vehicle, full * ratio), NORMAL_90 * np.sqrt(np.maximum(*both) + moved)
 
 
 def _slow(values: FloatArray, width: int) -> FloatArray:
