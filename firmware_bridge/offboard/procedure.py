@@ -264,7 +264,7 @@ class Flight:
         )
 
     def _felt_n(self) -> float:
-        """Collective force by the poses, as in air at rest: mass times specific force along body z, less what motion adds."""
+        """Collective force by the poses, as in air at rest: mass times specific force along body z over `in_motion`."""
         tracker, motion = self.tracker, self.tracker.motion
         assert motion is not None
         felt = tracker.predictor.acceleration_world_m_s2(motion, motion.q_world_body)

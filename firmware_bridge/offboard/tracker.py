@@ -18,16 +18,16 @@ from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
 GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
-         "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0, "obs_force_hz": 0.2, "rotor_lag_s": 0.0,
-         "battery_gain_1_v": 0.0}  # fmt: skip
+         "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0, "obs_force_hz": 0.2, "obs_fuse_rad_s": 0.0,
+         "rotor_lag_s": 0.0, "battery_gain_1_v": 0.0}  # fmt: skip
 """Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe.
 
-The observer hears no accelerometer but what poses show, in which every lag of the inner loop is a force: it is slow. The
-rotors' lag is led by us (`Lead`), and the battery is the thrust map's.
+The observer hears no accelerometer but what poses show, in which every lag of the inner loop is a force: it is slow.
+The rotors' lag is led by us (`Lead`), and the battery is the thrust map's.
 """
 _ESC_S = 0.005
 """From a throttle to the rotors, beside their lag."""
-_RISEN_M = 0.2
+_RISEN_M = 0.1
 """In a take-off: off the ground, which bears the vehicle, and out of its effect."""
 _LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
 """Low-pass of how the reference turns; steps of a tick."""
@@ -63,7 +63,7 @@ class Tracker:
         self.effectiveness = Effectiveness(self.gravity_m_s2)
         self.in_motion = 1.0
         """Force of the rotors over what they would give in air at rest at the same speeds."""
-        self._speeds_rad_s = np.zeros(4)
+        self._speeds_rad_s, self._learns = np.zeros(4), False
         self._ground_m = self._ticked_s = 0.0
         self._per_error = np.array(
             [parameters[f"att_kp_{a}_1_s2"] / parameters[f"att_kd_{a}_1_s"] for a in ("xy", "xy", "z")]
@@ -110,8 +110,7 @@ class Tracker:
             self._begin_s = now_s - 1.0
         self.motion = motion = self.predictor.at(now_s)
         time_us = round((now_s - self._begin_s) * 1e6)
-        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
-        felt[2] += self.gravity_m_s2
+        felt = self._felt_world_m_s2(motion)
         self.controller.tick(
             time_us,
             motion.row(),
@@ -129,7 +128,7 @@ class Tracker:
         self._ticked_s = now_s
         if standing:
             self._lead.reset()
-            self._ground_m = float(motion.position_world_m[2])
+            self._ground_m, self._learns = float(motion.position_world_m[2]), False
         else:
             telemetry = self.controller.telemetry
             self._learn(step_s, motion, telemetry)
@@ -148,16 +147,24 @@ class Tracker:
         self.predictor.lift = self.effectiveness.share * self.in_motion
         return self._lead.force_n(at_rest_n / self.effectiveness.share, step_s)
 
+    def _felt_world_m_s2(self, motion: Motion) -> FloatArray:
+        """(3,) specific force, for the observer; what the thrust's scale takes up is none of its."""
+        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
+        felt[2] += self.gravity_m_s2
+        up = rotations.matrix(motion.q_world_body)[:, 2]
+        return felt - (motion.unexplained_world_m_s2 @ up) * up if self._learns else felt
+
     def _learn(self, step_s: float, motion: Motion, telemetry: dict) -> None:
         """From take-off to landing: the ground is no thrust."""
         rises = self.state is State.TAKE_OFF and motion.position_world_m[2] < self._ground_m + _RISEN_M
-        if rises or self.state in (State.LANDING, State.EMERGENCY):
+        self._learns = not rises and self.state not in (State.LANDING, State.EMERGENCY)
+        if not self._learns:
             return
         up = rotations.matrix(motion.q_world_body)[:, 2]
-        velocity = np.asarray(telemetry["setpoint"]["velocity_world_m_s"], np.float64)
+        speed_m_s = float(np.linalg.norm(telemetry["setpoint"]["velocity_world_m_s"]))
         predicted_m_s2 = self.predictor.lift * motion.force_n / self.mass_kg
         excess_m_s2 = float(motion.unexplained_world_m_s2 @ up)
-        self.effectiveness.learn(step_s, float(np.linalg.norm(velocity)), predicted_m_s2, excess_m_s2)
+        self._learns = self.effectiveness.learn(step_s, speed_m_s, predicted_m_s2, excess_m_s2)
 
     def _rate(self, motion: Motion, telemetry: dict) -> FloatArray:
         """Body rate at which the attitude loop asks for no torque, led by the inner loop's lag."""

@@ -15,8 +15,8 @@ _SAME_SPEED = 1.001
 class RotorsAtRest:
     """Force over rotor speed, by the thrust law of the controller, whatever that is.
 
-    The mixer solves for the speeds that give a force in the air as it flows; a thrust map tells the throttle for a force
-    in air at rest. Between them is the speed.
+    The mixer solves for the speeds that give a force in the air as it flows; a thrust map tells the throttle for a
+    force in air at rest. Between them is the speed.
     """
 
     def __init__(self, parameters: NDArray[np.float32], mass_kg: float) -> None:
@@ -32,7 +32,11 @@ class RotorsAtRest:
         self._forces_n, self._speeds_rad_s = forces_n[between], speeds[between]
 
     def force_n(self, rotor_speed_rad_s: FloatArray, thrust_n: float) -> float:
-        """Collective force in air at rest of rotor speeds (4,); of rotors at their slowest, `thrust_n`, which they give."""
+        """Collective force in air at rest of rotor speeds (4,).
+
+        Args:
+            thrust_n: of the mixer; it is the answer where the rotors cannot turn more slowly.
+        """
         if float(np.mean(rotor_speed_rad_s)) <= self._speeds_rad_s[0]:
             return thrust_n
         return float(np.interp(rotor_speed_rad_s, self._speeds_rad_s, self._forces_n).mean())
