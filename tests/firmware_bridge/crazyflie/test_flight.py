@@ -468,6 +468,23 @@ def test_by_udp_it_flies_in_a_process_of_its_own(server):
     assert server.simulation.commands[-2:] == [LAND, STOP]
 
 
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({"rate_rad_s": 0.5}, r"turns at \d+ deg/s about (roll|pitch) at .* allow 23 .*limits of the vehicle file"),
+        ({"rotor_speed_max_rad_s": 1005.0}, r"takes [\d.]+ N at [\d.]+ s, the rotors give [\d.]+ N"),
+    ],
+)
+def test_a_plan_that_the_vehicle_cannot_follow_is_refused_before_anything_is_sent(server, limits, said):
+    slow = vehicle.example("rigter2019").with_limits(**limits)
+    file = TrajectoryFile(WAY, "circle", "", "", WAY.position([0.0, WAY.duration_s]), {})
+    with pytest.raises(InputError, match=said):
+        crazyflie.fly(
+            slow, file, f"crazyflie:udp://127.0.0.1:{server.port}", arms=True, progress=silent, cancel=lambda: False
+        )
+    assert not server.simulation.commands
+
+
 def test_nobody_there_is_said():
     order = process.Order("crazyflie:udp://127.0.0.1:9", PLAN, arms=False, motor_of_rotor=(0, 1, 2, 3))
     with pytest.raises(LinkError, match="does not answer: its memories"):
