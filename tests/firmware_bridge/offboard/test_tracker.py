@@ -44,8 +44,17 @@ def test_it_takes_off_and_hovers_where_the_rotors_are_weaker_than_the_file_says(
     assert tracker.effectiveness.share == pytest.approx(weaker, rel=0.05)
 
 
-def hovered(body: "IdealBody", model, *, battery_v: float = 0.0) -> tuple[Tracker, list[float], bool]:
-    """A take-off, 4 s with the hover after it; errors of the last 0.8 s."""
+def test_a_landing_teaches_nothing_of_the_thrust():
+    """The ground that bears it would pass for stronger rotors, and the next flight would begin with them."""
+    tracker, _, _ = hovered(body := IdealBody(0.9), MODEL, lands_at=1300, ticks=2000)
+    assert body.position[2] < 0.01
+    assert tracker.effectiveness.share == pytest.approx(0.9, rel=0.01)
+
+
+def hovered(
+    body: "IdealBody", model, *, battery_v: float = 0.0, lands_at: int = -1, ticks: int = 1300
+) -> tuple[Tracker, list[float], bool]:
+    """A take-off at tick 300, 4 s with the hover after it; errors of the last 0.8 s."""
     inbox, now_s = [], 100.0
 
     def poses(now_s):
@@ -55,7 +64,7 @@ def hovered(body: "IdealBody", model, *, battery_v: float = 0.0) -> tuple[Tracke
 
     tracker = Tracker(controller.parameters_of(model), poses)
     errors, climbed = [], False
-    for tick in range(1300):
+    for tick in range(ticks):
         now_s += TICK_S
         if tick % 3 == 0:
             inbox.append(Pose(now_s, body.position.copy(), body.q.copy()))
@@ -65,6 +74,8 @@ def hovered(body: "IdealBody", model, *, battery_v: float = 0.0) -> tuple[Tracke
             tracker.controller.command(Command.ARM)
             tracker.controller.command(Command.TAKE_OFF, 1.0)
         climbed |= tracker.state is State.HOLD
+        if tick == lands_at:
+            tracker.controller.command(Command.LAND)
         if tick > 1100:
             errors.append(np.linalg.norm(body.position - tracker.controller.telemetry["setpoint"]["position_world_m"]))
         if demand is not None:
