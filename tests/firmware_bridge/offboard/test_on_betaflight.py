@@ -173,7 +173,7 @@ def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():
 def test_what_the_firmware_itself_is_set_up_for_decides_and_no_rotor_turns(setting, model, said):
     """Its rates are read back, a largest of 20 deg/s; the rotors' most is the vehicle file's."""
     way = curves.circle()
-    body = offboard.body_of(MODEL, way, seed=1)
+    body = offboard.body_of(MODEL, way, seed=1, believed=model)
     body.settings = (*body.settings, setting, setting.replace("rc_rate", "srate"))
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
     with pytest.raises(InputError, match=said), offboard.rehearsing(body) as (where, restarted):
