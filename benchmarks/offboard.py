@@ -1,4 +1,4 @@
-"""Plans on Betaflight's real firmware in a simulated body: tracking, hidden drag, the thrust map, flights with faults.
+"""Plans on Betaflight's real firmware in a simulated body: tracking, hidden drag, weak rotors, faults.
 
     python benchmarks/offboard.py --faulty 200
 
@@ -21,6 +21,8 @@ from report import Row, row
 import planner
 import vehicle
 from esdf import solids
+from firmware_bridge.betaflight_sitl.body import STEP_S, Body
+from firmware_bridge.betaflight_sitl.process import Sitl
 from firmware_bridge.controller import State
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import scaled_to_flight
@@ -50,8 +52,11 @@ KINDS = (
     "low battery", "link lost",
 )  # fmt: skip
 SLOPE_ROWS = 10
-WEAK = 0.93
-"""True thrust over that of the file, for the thrust map."""
+FULL_RAD_S = vehicle.example("rigter2019").limits.rotor_speed_max_rad_s
+WEAK, WEAKER = 0.93, 0.8
+"""True thrust over that of the file: for the thrust map, and for tracking with it."""
+EMPTIED, EMPTY_S = 0.9, 20.0
+"""Speed of the rotors with an empty battery, and how soon it is empty."""
 
 
 def walk() -> Trajectory:
@@ -70,9 +75,16 @@ COURSES: dict[str, tuple[Callable[[], Trajectory], float]] = {
 }
 
 
-def flown(model: Vehicle, way: Trajectory, truth: Vehicle, rate_hz: float = 100.0) -> tuple[FlightLog, FloatArray, str]:
-    """The log, the true error (n,) on the trajectory in metres, and why it ended early."""
+def flown(
+    model: Vehicle, way: Trajectory, truth: Vehicle, rate_hz: float = 100.0, *, empties: bool = False
+) -> tuple[FlightLog, FloatArray, str]:
+    """The log, the true error (n,) on the trajectory in metres, and why it ended early.
+
+    Args:
+        empties: the battery does, from the trajectory's time on, and nobody measures it.
+    """
     body = offboard.body_of(truth, way, seed=1, believed=model)
+    body.each_step = _emptied if empties else None
     body.tracking = replace(body.tracking, period_s=1.0 / rate_hz)
     file = TrajectoryFile(way, "course", "", "", way.position([0.0, way.duration_s]), {})
     with offboard.rehearsing(body) as (where, restarted):
@@ -82,6 +94,35 @@ def flown(model: Vehicle, way: Trajectory, truth: Vehicle, rate_hz: float = 100.
     rows = log.columns["mission_state"] == State.TRAJECTORY
     true = np.column_stack([np.interp(log.time_s[rows], times, places[:, axis]) for axis in range(3)])
     return log, np.linalg.norm(true - log.vector("setpoint_position_world_m")[rows], axis=1), early
+
+
+def _emptied(body: Body, _: Sitl) -> None:
+    """Less speed for the same output, step by step; the first at a metre's height."""
+    if body.full_rad_s > EMPTIED * FULL_RAD_S and body.plant.position_world_m[2] > 1.0:
+        body.full_rad_s -= (1.0 - EMPTIED) * FULL_RAD_S * STEP_S / EMPTY_S
+
+
+def weakened(model: Vehicle, share: float) -> Vehicle:
+    """Of every rotor's thrust."""
+    for name in ("k1_n_s2", "k2_n_s2_m"):
+        model = model.with_value(f"thrust_bem.{name}", share * model.value(f"thrust_bem.{name}"))
+    return model
+
+
+def weak(model: Vehicle) -> list[Row]:
+    """Other thrust than the file says: all rotors weaker, and a battery that empties."""
+    table: list[Row] = []
+    for name, (course, bar_m) in COURSES.items():
+        for what, truth, empties in (
+            ("rotors 20 % weaker", weakened(model, WEAKER), False),
+            ("battery emptying, unmeasured", model, True),
+        ):
+            _, error_m, early = flown(model, course(), truth, empties=empties)
+            to_the_end(error_m, early)
+            mean_m = float(error_m.mean())
+            print(name, what, mean_m, flush=True)
+            table.append(row(f"{name}, {what}", 1e3 * mean_m, "mm", f"<= {1e3 * bar_m:g}", mean_m <= bar_m))
+    return table
 
 
 def tracking(model: Vehicle, rates_hz: list[float]) -> list[Row]:
@@ -172,9 +213,7 @@ def hidden_drag(model: Vehicle, name: str, way: Trajectory) -> list[Row]:
 
 def thrust_error(model: Vehicle) -> list[Row]:
     """A body whose rotors give less than the file says: the map that one log gives, against the body's."""
-    truth = model
-    for name in ("k1_n_s2", "k2_n_s2_m"):
-        truth = truth.with_value(f"thrust_bem.{name}", WEAK * model.value(f"thrust_bem.{name}"))
+    truth = weakened(model, WEAK)
     log, error_m, early = flown(model, curves.circle(), truth)
     to_the_end(error_m, early)
     believed, true = offboard.thrust_map(model), offboard.thrust_map(truth)
@@ -231,6 +270,7 @@ def rows(faulty: int, seed: int, flights: int) -> list[Row]:
     for name, course in ((WALK, walk), (EIGHT, curves.eight)) if flights else ():
         table += or_failed(f"{name}, drag hidden", lambda: hidden_drag(model, name, course()))  # noqa: B023 - at once
     table += or_failed("thrust map from one log", lambda: thrust_error(model)) if flights else []
+    table += or_failed("other thrust than the file's", lambda: weak(model)) if flights else []
     table += with_faults(model, faulty, seed) if faulty else []
     return [*table, row("CPU time", cpu_s(), "s")]
 

@@ -73,6 +73,10 @@ class Client:
                 found.append(packet)
         return found
 
+    def rest(self, wait_s: float) -> None:
+        """Wait, also on a line that is broken; without a new try."""
+        self._transport.rest(wait_s)
+
     def ask(self, port: int, channel: int, data: bytes, *, answer: bytes, what: str) -> bytes:
         """Send until it answers.
 

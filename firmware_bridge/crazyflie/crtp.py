@@ -3,6 +3,7 @@
 That is the form of `udp://` in Bitcraze's library and simulators: a header of port and channel, then up to 30 bytes.
 """
 
+import contextlib
 import select
 import socket
 import time
@@ -53,6 +54,10 @@ class Transport(Protocol):
         """What has come; nothing after `wait_s` is empty."""
         ...
 
+    def rest(self, wait_s: float) -> None:
+        """Let time pass, also where nothing can be received."""
+        ...
+
     def now_s(self) -> float: ...
     def close(self) -> None: ...
 
@@ -85,10 +90,22 @@ class UdpTransport:
     """Packets as datagrams."""
 
     def __init__(self, host: str, port: int) -> None:
-        self._socket = socket.socket(type=socket.SOCK_DGRAM)
-        self._socket.connect((host, port))
-        self._socket.setblocking(False)
+        self._to = host, port
+        self._socket = self._opened()
         self._write(_HELLO)
+
+    def _opened(self) -> socket.socket:
+        opened = socket.socket(type=socket.SOCK_DGRAM)
+        opened.connect(self._to)
+        opened.setblocking(False)
+        return opened
+
+    def _broke(self, error: Exception) -> LinkError:
+        """What is said of it; the next packet goes by a new socket, if this machine gives one."""
+        self._socket.close()
+        with contextlib.suppress(OSError):
+            self._socket = self._opened()
+        return LinkError(f"the line to the Crazyflie broke: {error}")
 
     def send(self, packet: Packet) -> None:
         """What nobody takes is lost; a request is sent again.
@@ -104,10 +121,16 @@ class UdpTransport:
         except (BlockingIOError, ConnectionRefusedError):
             return
         except OSError as error:
-            raise LinkError(f"the line to the Crazyflie broke: {error}") from error
+            raise self._broke(error) from error
+
+    def rest(self, wait_s: float) -> None:
+        time.sleep(wait_s)
 
     def receive(self, wait_s: float) -> list[Packet]:
-        select.select([self._socket], [], [], max(wait_s, 0.0))
+        try:
+            select.select([self._socket], [], [], max(wait_s, 0.0))
+        except (OSError, ValueError) as error:  # a closed socket has no number
+            raise self._broke(error) from error
         found: list[Packet] = []
         while True:
             try:
@@ -117,7 +140,7 @@ class UdpTransport:
             except BlockingIOError:
                 return found
             except OSError as error:
-                raise LinkError(f"the line to the Crazyflie broke: {error}") from error
+                raise self._broke(error) from error
             if packet is not None:
                 found.append(packet)
 

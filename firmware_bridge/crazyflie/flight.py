@@ -22,6 +22,8 @@ EMPTY_S = 900.0
 LOWEST_TAKE_OFF_M = 0.3
 """A start below this height is approached from above."""
 _LATE_S, _PUMP_S, _SETTLED_S, _LOCKED_S = 3.0, 0.02, 0.3, 5.0
+_AGAIN_S = 0.1
+"""Between two tries to land by a line that breaks at once."""
 ALONE = (
     "without us the Crazyflie flies its trajectory to the end and hovers there until its battery is empty; "
     "only this computer lands it"
@@ -201,6 +203,7 @@ class Flight:
                 if not (told or self._off):
                     self._progress(f"it is asked to land until it does, or Ctrl-C stops its rotors: {ALONE}", 0.0)
                     told = True
+                self._client.rest(_AGAIN_S)
         with contextlib.suppress(LinkError):
             if not self._stopped():
                 self._client.stop()
@@ -273,12 +276,15 @@ class Flight:
             raise LinkError(f"{what}: it is {off_m:.2f} m from where it is to be, at most {OFF_PLAN_M} m")
 
     def _rotors_off(self) -> None:
-        """Said until it is locked: a packet may be lost."""
+        """Said until it is locked: a packet may be lost, or the line may break and be opened anew."""
         self._off = True
         end_s = self._client.now_s + _LOCKED_S
         while True:
-            self._client.emergency_stop()
-            self._for(0.1)
+            try:
+                self._client.emergency_stop()
+                self._for(0.1)
+            except LinkError:
+                self._client.rest(_AGAIN_S)
             if Bits.LOCKED in self._bits() or self._client.now_s > end_s:
                 return
 

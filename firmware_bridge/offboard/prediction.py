@@ -58,7 +58,7 @@ class Motion:
     q_world_body: FloatArray
     rate_body_rad_s: FloatArray
     force_n: float
-    """Of the rotors, along body z."""
+    """Of the rotors, along body z, as it would be in air at rest."""
     unexplained_world_m_s2: FloatArray = field(default_factory=lambda: np.zeros(3))
     """Acceleration that force and gravity do not explain."""
 
@@ -77,6 +77,8 @@ class Predictor:
         self._last: Motion | None = None
         self.on_ground = True
         """While it stands, the ground holds it: no force is integrated."""
+        self.lift = 1.0
+        """Force of the rotors over what they would give in air at rest by the thrust map."""
         self.refused = 0
         """Poses in a row that contradict the prediction."""
 
@@ -177,4 +179,4 @@ class Predictor:
         if self.on_ground:
             return np.zeros(3)
         up = rotations.rotate(q_world_body, _UP)
-        return now.force_n / self._mass_kg * up - self._gravity_m_s2 * _UP + now.unexplained_world_m_s2
+        return self.lift * now.force_n / self._mass_kg * up - self._gravity_m_s2 * _UP + now.unexplained_world_m_s2

@@ -264,12 +264,12 @@ class Flight:
         )
 
     def _felt_n(self) -> float:
-        """Collective force by the poses: mass times specific force along body z."""
+        """Collective force by the poses, as in air at rest: mass times specific force along body z over `in_motion`."""
         tracker, motion = self.tracker, self.tracker.motion
         assert motion is not None
         felt = tracker.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
         felt[2] += tracker.gravity_m_s2
-        return float(tracker.mass_kg * felt @ rotations.matrix(motion.q_world_body)[:, 2])
+        return float(tracker.mass_kg / tracker.in_motion * felt @ rotations.matrix(motion.q_world_body)[:, 2])
 
     def _log(self) -> FlightLog:
         columns = {name: np.array([row[name] for row in self._rows]) for name in self._rows[0]}

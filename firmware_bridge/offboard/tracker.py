@@ -1,7 +1,8 @@
 """The embedded controller on the ground: from poses to the collective force and body rates that an inner loop follows.
 
 The controller is the C code of the vehicle. Of its attitude loop only the outer half is used: the rate at which its
-torque would be nought, `w_reference + (kp / kd) error`, is what the inner loop of another firmware is asked for.
+torque would be nought, `w_reference + (kp / kd) error`, is what the inner loop of another firmware is asked for. Of its
+mixer the rotors' speeds are used: a throttle is a speed, and what that gives depends on how the vehicle moves.
 """
 
 from dataclasses import dataclass, replace
@@ -9,16 +10,27 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from firmware_bridge.controller import Configuration, Controller, State
+from firmware_bridge.offboard.collective.at_rest import Lead, RotorsAtRest
+from firmware_bridge.offboard.collective.effectiveness import Effectiveness
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
 GAINS = {"kp_xy_1_s2": 9.0, "kd_xy_1_s": 5.0, "kp_z_1_s2": 9.0, "kd_z_1_s": 5.0, "obs_turn_rad_s2": 0.0,
-         "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0}  # fmt: skip
-"""Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe."""
-_LEAD_S, _SHORTEST_S = 0.018, 1e-3
-"""Low-pass of how the reference turns."""
+         "att_kp_xy_1_s2": 220.0, "att_kd_xy_1_s": 22.0, "obs_force_hz": 0.2, "obs_fuse_rad_s": 0.0,
+         "rotor_lag_s": 0.0, "battery_gain_1_v": 0.0}  # fmt: skip
+"""Where the inner loop is another firmware's: softer position loops, and torques are not ours to observe.
+
+The observer hears no accelerometer but what poses show, in which every lag of the inner loop is a force: it is slow.
+The rotors' lag is led by us (`Lead`), and the battery is the thrust map's.
+"""
+_ESC_S = 0.005
+"""From a throttle to the rotors, beside their lag."""
+_RISEN_M = 0.1
+"""In a take-off: off the ground, which bears the vehicle, and out of its effect."""
+_LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
+"""Low-pass of how the reference turns; steps of a tick."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
 
 
@@ -28,7 +40,7 @@ class Demand:
 
     time_s: float
     force_n: float
-    """Collective, along body z."""
+    """Collective, along body z, as the thrust map has it: of rotors in air at rest."""
     rate_body_rad_s: FloatArray
     """(3,)."""
     pose_time_s: float
@@ -41,10 +53,18 @@ class Tracker:
     def __init__(self, configuration: Configuration, poses: Poses, *, lags: Lags | None = None) -> None:
         values = configuration.parameters
         self.controller = Controller(configuration.with_values(**{**values, **GAINS}))
-        self._poses, self._lags = poses, lags or Lags()
-        parameters = self.controller.parameters()
+        parameters, lag_s = self.controller.parameters(), values.get("rotor_lag_s", 0.0)
+        told = replace(Lags(), force_s=lag_s + _ESC_S) if lag_s > 0.0 else Lags()
+        self._poses, self._lags = poses, lags or told
         self.mass_kg, self.gravity_m_s2 = parameters["mass_kg"], parameters["gravity_m_s2"]
         self.predictor = Predictor(self.mass_kg, self.gravity_m_s2, self._lags)
+        self._at_rest = RotorsAtRest(self.controller.raw.parameters().ravel(), self.mass_kg)
+        self._lead = Lead(self._lags.force_s, parameters["lead_filter_s"])
+        self.effectiveness = Effectiveness(self.gravity_m_s2)
+        self.in_motion = 1.0
+        """Force of the rotors over what they would give in air at rest at the same speeds."""
+        self._speeds_rad_s, self._learns = np.zeros(4), False
+        self._ground_m = self._ticked_s = 0.0
         self._per_error = np.array(
             [parameters[f"att_kp_{a}_1_s2"] / parameters[f"att_kd_{a}_1_s"] for a in ("xy", "xy", "z")]
         )
@@ -90,25 +110,61 @@ class Tracker:
             self._begin_s = now_s - 1.0
         self.motion = motion = self.predictor.at(now_s)
         time_us = round((now_s - self._begin_s) * 1e6)
-        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
-        felt[2] += self.gravity_m_s2
+        felt = self._felt_world_m_s2(motion)
         self.controller.tick(
             time_us,
             motion.row(),
             battery_v=battery_v,
             specific_force_body_m_s2=rotations.rotate(rotations.conjugate(motion.q_world_body), felt),
+            rotor_speed_rad_s=self._at_rest.lagging_rad_s(
+                self._speeds_rad_s, self.effectiveness.share * motion.force_n
+            ),
         )
         self.controller.raw.ground_alive(0)
         standing = self.state in STANDING
         self.predictor.on_ground = standing
         demand = Demand(now_s, 0.0, np.zeros(3), self.predictor.pose_time_s)
-        if not standing:
+        step_s = min(max(now_s - self._ticked_s, 0.0), _LONGEST_S)
+        self._ticked_s = now_s
+        if standing:
+            self._lead.reset()
+            self._ground_m, self._learns = float(motion.position_world_m[2]), False
+        else:
             telemetry = self.controller.telemetry
+            self._learn(step_s, motion, telemetry)
             demand = replace(
-                demand, force_n=float(telemetry["thrust_n"]), rate_body_rad_s=self._rate(motion, telemetry)
+                demand, force_n=self._force_n(step_s, telemetry), rate_body_rad_s=self._rate(motion, telemetry)
             )
         self.predictor.command(now_s, demand.force_n, demand.rate_body_rad_s)
         return demand
+
+    def _force_n(self, step_s: float, telemetry: dict) -> float:
+        """The force in air at rest at whose throttle the rotors turn as the controller wants them to."""
+        thrust_n = float(telemetry["thrust_n"])
+        self._speeds_rad_s = np.asarray(telemetry["rotor_speed_rad_s"], np.float64)
+        at_rest_n = self._at_rest.force_n(self._speeds_rad_s, thrust_n)
+        self.in_motion = thrust_n / at_rest_n if at_rest_n > 0.0 else 1.0
+        self.predictor.lift = self.effectiveness.share * self.in_motion
+        return self._lead.force_n(at_rest_n / self.effectiveness.share, step_s)
+
+    def _felt_world_m_s2(self, motion: Motion) -> FloatArray:
+        """(3,) specific force, for the observer; what the thrust's scale takes up is none of its."""
+        felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
+        felt[2] += self.gravity_m_s2
+        up = rotations.matrix(motion.q_world_body)[:, 2]
+        return felt - (motion.unexplained_world_m_s2 @ up) * up if self._learns else felt
+
+    def _learn(self, step_s: float, motion: Motion, telemetry: dict) -> None:
+        """From take-off to landing: the ground is no thrust."""
+        rises = self.state is State.TAKE_OFF and motion.position_world_m[2] < self._ground_m + _RISEN_M
+        self._learns = not rises and self.state not in (State.LANDING, State.EMERGENCY)
+        if not self._learns:
+            return
+        up = rotations.matrix(motion.q_world_body)[:, 2]
+        speed_m_s = float(np.linalg.norm(telemetry["setpoint"]["velocity_world_m_s"]))
+        predicted_m_s2 = self.predictor.lift * motion.force_n / self.mass_kg
+        excess_m_s2 = float(motion.unexplained_world_m_s2 @ up)
+        self._learns = self.effectiveness.learn(step_s, speed_m_s, predicted_m_s2, excess_m_s2)
 
     def _rate(self, motion: Motion, telemetry: dict) -> FloatArray:
         """Body rate at which the attitude loop asks for no torque, led by the inner loop's lag."""

@@ -7,6 +7,7 @@ import numpy as np
 
 from firmware_bridge.crazyflie import crtp, flight, pieces, process
 from flight import FlightLog, InputError, Progress, TrajectoryFile
+from goshawk.commands.fly import offboard
 from goshawk.commands.plan import poly4d
 from vehicle import Vehicle
 
@@ -27,12 +28,13 @@ def fly(
         The log, and why the flight ended early: empty if it did not.
 
     Raises:
-        InputError: it has not four rotors, or the plan does not fit into its memory, near enough.
+        InputError: it has not four rotors, or the plan does not fit into its memory, near enough, or cannot be followed.
         LinkError: a check failed, nothing answers, or it does not arm.
     """
     if model.rotors != 4:
         raise InputError(f"{model.name} has {model.rotors} rotors; a Crazyflie has four: give its vehicle file")
     crtp.endpoint(address)
+    _require_followable(model, item)
     refitted = poly4d.refit(item.trajectory).trajectory
     held = poly4d.compared(item.trajectory, pieces.unpacked(pieces.packed(refitted)))
     poly4d.require_near(held)
@@ -41,6 +43,16 @@ def fly(
     log, early = process.fly(order, progress=progress, cancel=cancel)
     told = {"failsafe": flight.ALONE, "pieces": str(len(refitted.durations_s)), "refit_m": f"{held.largest_m:.4f}"}
     return replace(log, metadata={**log.metadata, **told}), early
+
+
+def _require_followable(model: Vehicle, item: TrajectoryFile) -> None:
+    """By the vehicle file: the firmware tells no largest rates."""
+    limits, thrust = model.limits, offboard.thrust_map(model, idle=0.0)
+    offboard.require_followable(
+        model, item.trajectory, (limits.rate_rad_s, limits.rate_rad_s, limits.yaw_rate_rad_s),
+        (thrust.force_n(0.0), thrust.force_n(1.0)),
+        remedy=lambda _, deg_s: f"if it turns at {deg_s:.0f} deg/s, say so in the limits of the vehicle file",
+    )  # fmt: skip
 
 
 def _motor_of_rotor(model: Vehicle) -> tuple[int, ...]:

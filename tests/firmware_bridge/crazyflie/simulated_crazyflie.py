@@ -296,6 +296,11 @@ class SimulatedTime:
         raws, self._waiting = self._waiting, []
         return [packet for raw in raws if (packet := Packet.unpack(raw)) is not None]
 
+    def rest(self, wait_s: float) -> None:
+        end_s = self._simulation.time_s + wait_s
+        while self._simulation.time_s < end_s - 1e-9:
+            self._waiting += self._simulation.tick()
+
     def now_s(self) -> float:
         return self._simulation.time_s
 

@@ -14,7 +14,7 @@ from firmware_bridge.controller import State
 from firmware_bridge.crazyflie import flight as procedure
 from firmware_bridge.crazyflie import pieces, process
 from firmware_bridge.crazyflie.client import Client
-from firmware_bridge.crazyflie.crtp import Packet, endpoint
+from firmware_bridge.crazyflie.crtp import Packet, UdpTransport, endpoint
 from firmware_bridge.crazyflie.flight import Flight
 from flight import FlightLog, InputError, LinkError, TrajectoryFile, silent, trajectory
 from goshawk.commands.fly import crazyflie
@@ -301,6 +301,63 @@ def test_an_error_of_ours_in_the_air_lands_it():
     assert not simulation.dropped
 
 
+class BreakingLine(SimulatedTime):
+    """A local socket that fails at once, between two instants after the trajectory's start."""
+
+    def __init__(self, simulation: SimulatedCrazyflie, until_s: float) -> None:
+        super().__init__(simulation)
+        self._until_s, self._begun_s, self.failures = until_s, float("inf"), 0
+
+    def _fail(self) -> None:
+        now_s = self.now_s()
+        if START_TRAJECTORY in self._simulation.commands:
+            self._begun_s = min(self._begun_s, now_s)
+        if 1.0 < now_s - self._begun_s < self._until_s:
+            self.failures += 1
+            assert self.failures < 5000, "it spins"
+            raise LinkError("broken")
+
+    def send(self, packet) -> None:
+        self._fail()
+        super().send(packet)
+
+    def receive(self, wait_s: float):
+        self._fail()
+        return super().receive(wait_s)
+
+
+@pytest.mark.parametrize("until_s", [20.0, 2000.0])
+def test_a_local_socket_that_breaks_is_tried_ten_times_a_second_at_most(until_s, monkeypatch):
+    """It spun a processor for a quarter of an hour, as nothing waited; one that mends lands."""
+    simulation = simulated()
+    line = BreakingLine(simulation, until_s)
+    monkeypatch.setattr(procedure, "EMPTY_S", 60.0)
+    ours = Flight(Client(line), PLAN, arms=True)
+    ours.fly()
+    assert "broken" in ours.ended_early
+    assert line.failures <= 10.0 * min(until_s, procedure.EMPTY_S) + 20
+    assert (simulation.position_m[2] < 0.05) == (until_s < procedure.EMPTY_S)
+
+
+def test_an_emergency_stop_outlasts_a_line_that_breaks():
+    simulation = simulated()
+    line = BreakingLine(simulation, 3.0)
+    ours = Flight(Client(line), PLAN, arms=True, stop=lambda: line.failures > 0)
+    ours.fly()
+    assert simulation.emergency
+
+
+def test_a_socket_that_breaks_is_opened_anew(server):
+    transport = UdpTransport("127.0.0.1", server.port)
+    client = Client(transport)
+    client.bits()
+    transport._socket.close()
+    with pytest.raises(LinkError, match="broke"):
+        client.bits()
+    client.bits()
+    transport.close()
+
+
 def _arming(simulation: SimulatedCrazyflie, *, answers: bool) -> list[int]:
     """What is asked of its arming from here on."""
     takes, asked = simulation.take, list[int]()
@@ -409,6 +466,23 @@ def test_by_udp_it_flies_in_a_process_of_its_own(server):
     assert log.metadata["failsafe"] == procedure.ALONE
     assert int(log.metadata["pieces"]) <= poly4d.MOST_PIECES
     assert server.simulation.commands[-2:] == [LAND, STOP]
+
+
+@pytest.mark.parametrize(
+    ("limits", "said"),
+    [
+        ({"rate_rad_s": 0.5}, r"turns at \d+ deg/s about (roll|pitch) at .* allow 23 .*limits of the vehicle file"),
+        ({"rotor_speed_max_rad_s": 1005.0}, r"takes [\d.]+ N at [\d.]+ s, the rotors give [\d.]+ N"),
+    ],
+)
+def test_a_plan_that_the_vehicle_cannot_follow_is_refused_before_anything_is_sent(server, limits, said):
+    slow = vehicle.example("rigter2019").with_limits(**limits)
+    file = TrajectoryFile(WAY, "circle", "", "", WAY.position([0.0, WAY.duration_s]), {})
+    with pytest.raises(InputError, match=said):
+        crazyflie.fly(
+            slow, file, f"crazyflie:udp://127.0.0.1:{server.port}", arms=True, progress=silent, cancel=lambda: False
+        )
+    assert not server.simulation.commands
 
 
 def test_nobody_there_is_said():

@@ -161,6 +161,27 @@ def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():
         offboard.require_followable(MODEL, fast, plenty, (least_n, 0.3 * most_n))
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+@pytest.mark.parametrize(
+    ("setting", "model", "said"),
+    [
+        ("set pitch_rc_rate = 2", MODEL, r"deg/s about pitch at .* set pitch_srate"),
+        ("set pitch_rc_rate = 100", MODEL.with_limits(rotor_speed_max_rad_s=1015.0), "the rotors give"),
+    ],
+)
+def test_what_the_firmware_itself_is_set_up_for_decides_and_no_rotor_turns(setting, model, said):
+    """Its rates are read back, a largest of 20 deg/s; the rotors' most is the vehicle file's."""
+    way = curves.circle()
+    body = offboard.body_of(MODEL, way, seed=1, believed=model)
+    body.settings = (*body.settings, setting, setting.replace("rc_rate", "srate"))
+    file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
+    with pytest.raises(InputError, match=said), offboard.rehearsing(body) as (where, restarted):
+        offboard.fly(model, file, where, progress=silent, cancel=lambda: False, restarted=restarted)
+    assert not body.way
+    assert not body.plant.rotor_speed_rad_s.any()
+
+
 def test_the_thrust_map_is_that_of_the_vehicle_at_hover():
     thrust = offboard.thrust_map(MODEL)
     weight_n = MODEL.mass_kg * MODEL.gravity_m_s2
