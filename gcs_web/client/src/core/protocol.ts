@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 8;
+export const PROTOCOL = 9;
 
 export interface Abort {
   type: "abort";
@@ -194,6 +194,7 @@ export interface Connect {
   type: "connect";
   serial: number;
   url: string;
+  poses?: string;
 }
 
 export interface ControllerParameter {
@@ -359,6 +360,12 @@ export interface Evidence {
   held_after: number[];
 }
 
+export interface Failsafe {
+  whose: string;
+  when: string;
+  act: string;
+}
+
 export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
@@ -427,6 +434,13 @@ export interface Follow {
   serial: number;
   view: string;
   following: boolean;
+}
+
+export interface Foreign {
+  firmware: string;
+  failsafes: Failsafe[];
+  can_pause: boolean;
+  kill: string;
 }
 
 export interface ForeseeJob {
@@ -622,6 +636,11 @@ export interface LookAtFlight {
   type: "look_at_flight";
   serial: number;
   time_s: number | null;
+}
+
+export interface LookAtVehicle {
+  type: "look_at_vehicle";
+  serial: number;
 }
 
 export interface LookForVehicles {
@@ -1414,6 +1433,7 @@ export interface Vehicle {
   largest_error_m: number | null;
   if_link_lost: LostLinkAct[];
   reason: string;
+  foreign: Foreign | null;
 }
 
 export interface VehicleCommand {
@@ -1456,4 +1476,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookAtVehicle | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
