@@ -271,7 +271,18 @@ def _of_trimesh(mesh: Any, T_world_mesh: FloatArray) -> Mesh:
     colours = np.full(vertices_m.shape, int(255 * _PLAIN), dtype=np.uint8)
     if mesh.visual.kind == "vertex":
         colours = np.asarray(mesh.visual.vertex_colors[:, :3], dtype=np.uint8)
+    elif mesh.visual.kind == "texture":
+        colours = _of_texture(mesh, colours)
     return Mesh(vertices_m.astype(np.float32), mesh.faces.astype(np.int32), colours)
+
+
+def _of_texture(mesh: Any, plain: np.ndarray) -> np.ndarray:
+    """Colours of the vertices by the texture, as fine as the mesh; `plain` where it has no picture with it."""
+    try:
+        found = np.asarray(mesh.visual.to_color().vertex_colors)[:, :3]
+    except (AttributeError, ValueError, IndexError):
+        return plain
+    return found.astype(np.uint8) if found.shape == plain.shape else plain
 
 
 def _shaded(mesh: Mesh, seen: FloatArray) -> Mesh:

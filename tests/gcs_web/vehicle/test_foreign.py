@@ -25,18 +25,34 @@ SLOW = 1.0
 
 @contextlib.contextmanager
 def flying_autopilot(**more) -> Iterator[SimulatedAutopilot]:
-    """On the ground below the first waypoint."""
+    """On the ground below the first waypoint; it runs from `switch_on` on, as its clock must not be far when it flies."""
     on_ground = vehicle.simulate.State(position_world_m=START[0] * [1.0, 1.0, 0.0])
     plant = vehicle.simulate.Plant(MODEL, on_ground, rng=np.random.default_rng(1), ground_m=0.0)
     simulation = SimulatedAutopilot(plant, "px4", {"MPC_THR_HOVER": hover_thrust("px4")} | more)
-    thread = threading.Thread(target=simulation.run, daemon=True)
-    thread.start()
     try:
         yield simulation
     finally:
         simulation.given_up = True
-        thread.join(60.0)
+        for thread in threading.enumerate():
+            if thread.name == simulation.address:
+                thread.join(60.0)
         simulation.close()
+
+
+def switch_on(simulation: SimulatedAutopilot) -> None:
+    threading.Thread(target=simulation.run, name=simulation.address, daemon=True).start()
+
+
+@contextlib.contextmanager
+def simulated_crazyflie() -> Iterator[str]:
+    """Its address, of one on the ground below the first waypoint."""
+    server = UdpServer(SimulatedCrazyflie(position_m=[0.8, 0.8, 0.0]))
+    server.start()
+    try:
+        yield f"crazyflie:udp://127.0.0.1:{server.port}"
+    finally:
+        server.ends = True
+        server.join(10.0)
 
 
 @contextlib.contextmanager
@@ -60,9 +76,10 @@ def by(simulation: SimulatedAutopilot):
     return new
 
 
-async def started(page: Page, address: str) -> None:
+async def started(page: Page, simulation: SimulatedAutopilot) -> None:
     await page.checked()
-    assert not (await page.command("connect", url=address))["error"]
+    switch_on(simulation)
+    assert not (await page.command("connect", url=simulation.address))["error"]
     await page.until(lambda p: p.state["vehicle"].get("foreign"))
     assert not (await page.command("take_control"))["error"]
     assert not await ordered(page, "start")
@@ -84,7 +101,7 @@ def test_an_autopilot_is_looked_at_flown_and_logged_and_says_whose_failsafe_is_w
     with flying_autopilot() as simulation, serving(pillar_map, tmp_path / "p", by(simulation)) as station:
 
         async def talk(page: Page):
-            await started(page, simulation.address)
+            await started(page, simulation)
             before = page.state["vehicle"]
             whose = [each["whose"] for each in before["foreign"]["failsafes"]]
             assert set(whose) == {"Goshawk's guard", "PX4"}
@@ -109,7 +126,7 @@ def test_it_pauses_lands_and_is_killed_from_the_page(pillar_map, tmp_path, how):
     with flying_autopilot() as simulation, serving(pillar_map, tmp_path / "p", by(simulation)) as station:
 
         async def talk(page: Page, other: Page):
-            await started(page, simulation.address)
+            await started(page, simulation)
             await page.until(lambda p: p.state["vehicle"]["mission"] == "trajectory")
             if how == "pause":
                 assert not await ordered(page, "pause")
@@ -137,41 +154,43 @@ def test_one_that_stands_elsewhere_or_is_set_up_badly_is_not_armed(pillar_map, t
         station.desk.session.take(Waypoints(far, np.full(2, np.nan)), "elsewhere", "test")
 
         async def talk(page: Page):
-            await started(page, simulation.address)
+            await started(page, simulation)
             await page.until(lambda p: any("the plan begins" in text for text in p.notices))
 
         visit(station, 1, talk)
         assert simulation.way == [] or max(place[2] for _, place in simulation.way) < 0.1
         assert not station.desk.project.flights()
-    with flying_autopilot(COM_OF_LOSS_T=5.0) as simulation:
-        with serving(pillar_map, tmp_path / "q", by(simulation)) as station:
+    with (
+        flying_autopilot(COM_OF_LOSS_T=5.0) as simulation,
+        serving(pillar_map, tmp_path / "q", by(simulation)) as station,
+    ):
 
-            async def refused(page: Page):
-                await page.checked()
-                await page.command("connect", url=simulation.address)
-                await page.until(lambda p: p.state["vehicle"].get("checks"))
-                failed = [check["name"] for check in page.state["vehicle"]["checks"] if not check["passed"]]
-                assert failed == ["COM_OF_LOSS_T"]
-                await page.command("take_control")
-                assert "not armed. COM_OF_LOSS_T" in await ordered(page, "start")
+        async def refused(page: Page):
+            await page.checked()
+            switch_on(simulation)
+            await page.command("connect", url=simulation.address)
+            await page.until(lambda p: p.state["vehicle"].get("checks"))
+            failed = [check["name"] for check in page.state["vehicle"]["checks"] if not check["passed"]]
+            assert failed == ["COM_OF_LOSS_T"]
+            await page.command("take_control")
+            assert "not armed. COM_OF_LOSS_T" in await ordered(page, "start")
 
-            visit(station, 1, refused)
+        visit(station, 1, refused)
 
 
 def test_a_crazyflie_is_looked_at_and_cannot_pause(pillar_map, tmp_path):
-    with UdpServer(SimulatedCrazyflie(position_m=[0.8, 0.8, 0.0])) as server:
-        with serving(pillar_map, tmp_path / "p", others.flyer) as station:
+    with simulated_crazyflie() as address, serving(pillar_map, tmp_path / "p", others.flyer) as station:
 
-            async def talk(page: Page):
-                await page.command("connect", url=server.address)
-                await page.until(lambda p: p.state["vehicle"].get("foreign"))
-                said = page.state["vehicle"]["foreign"]
-                assert not said["can_pause"]
-                assert [each["whose"] for each in said["failsafes"]] == ["A process of ours", "Crazyflie"]
-                assert all(check["passed"] for check in page.state["vehicle"]["checks"])
-                assert not page.state["vehicle"]["armed"]
+        async def talk(page: Page):
+            await page.command("connect", url=address)
+            await page.until(lambda p: p.state["vehicle"].get("foreign"))
+            said = page.state["vehicle"]["foreign"]
+            assert not said["can_pause"]
+            assert [each["whose"] for each in said["failsafes"]] == ["A process of ours", "Crazyflie"]
+            assert all(check["passed"] for check in page.state["vehicle"]["checks"])
+            assert not page.state["vehicle"]["armed"]
 
-            visit(station, 1, talk)
+        visit(station, 1, talk)
 
 
 def test_an_address_that_is_none_is_refused_and_one_that_nobody_answers_says_so(pillar_map, tmp_path):
@@ -194,6 +213,9 @@ def test_orders_without_a_flight_are_refused():
         can_pause = True
 
         def look(self):
+            raise LinkError("nobody")
+
+        def fly(self, file, asked, told, progress):
             raise LinkError("nobody")
 
     from gcs_web.vehicle.foreign_watch import ForeignWatch

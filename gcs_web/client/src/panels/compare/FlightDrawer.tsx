@@ -1,12 +1,13 @@
 /** The timeline of recorded flights: plots that share one axis of time and one cursor, read at the detail of the screen. */
 
-import { useSignal, useSignalEffect } from "@preact/signals";
+import { signal, useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import { PlayButton } from "../../components/PlayButton";
 import { editable, number, short } from "../../core/format";
 import {
   LETTERS,
+  addFormula,
   align,
   drawn,
   goTo,
@@ -67,10 +68,11 @@ export function FlightDrawer({ height }: { height?: number }) {
   return (
     <div class="drawer">
       <DrawerHead />
+      <FormulaForm />
       <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0} onKeyDown={byKey}>
         {opened.value.length === 0 && <p class="empty">Open a flight to see it over time.</p>}
         {opened.value.length > 0 && rows.length === 0 && kind.value !== "xy" && <p class="empty">Add a stream to see it.</p>}
-        {(kind.value === "xy" || (kind.value === "spectrum" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
+        {(kind.value === "xy" || (kind.value !== "time" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
         {isOverTime && <FindingMarks width={width.value} margins={margins} />}
         {isOverTime &&
           rows.map((stream, index) => (
@@ -177,6 +179,52 @@ function Alignment() {
   );
 }
 
+const FORMULA = "formula";
+/** Whether somebody writes a formula. */
+const writing = signal(false);
+
+/** A stream of one's own: a formula of the log's columns. */
+function FormulaForm() {
+  const text = useSignal("");
+  const refusal = useSignal("");
+  if (!writing.value) return null;
+  return (
+    <form
+      class="formula"
+      onSubmit={(event) => {
+        event.preventDefault();
+        void addFormula(text.value).then((error) => {
+          refusal.value = error;
+          if (error === "") writing.value = false;
+        });
+      }}
+    >
+      <label>
+        <span class="visually-hidden">Formula of the log's columns</span>
+        <input
+          autoFocus
+          spellcheck={false}
+          maxLength={200}
+          placeholder="sqrt(velocity_world_x_m_s**2 + velocity_world_y_m_s**2)"
+          value={text.value}
+          onInput={(event) => (text.value = event.currentTarget.value)}
+        />
+      </label>
+      <button type="submit" class="control">
+        Draw
+      </button>
+      <button type="button" class="link" onClick={() => (writing.value = false)}>
+        Cancel
+      </button>
+      {refusal.value !== "" && (
+        <p class="refusal" role="alert">
+          {refusal.value}
+        </p>
+      )}
+    </form>
+  );
+}
+
 function StreamChoice() {
   const groups: readonly [Stream["group"], string][] = [
     ["flight", "Flight"],
@@ -189,11 +237,13 @@ function StreamChoice() {
       aria-label="Add or remove a stream"
       value=""
       onChange={(event) => {
-        toggleStream(event.currentTarget.value);
+        if (event.currentTarget.value === FORMULA) writing.value = true;
+        else toggleStream(event.currentTarget.value);
         event.currentTarget.value = "";
       }}
     >
       <option value="">+ Stream</option>
+      <option value={FORMULA}>Formula ...</option>
       {groups.map(([group, words]) => (
         <optgroup key={group} label={words}>
           {offered.value
