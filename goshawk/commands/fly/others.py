@@ -29,6 +29,7 @@ from vehicle import Vehicle
 POSES = "udp://127.0.0.1:7777"
 _TELL_S = 0.05
 _ON_PATH = (State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
+_CRAZYFLIE_ALONE = "it flies its trajectory to the end, and hovers there until its battery is empty"
 _GUARD = "Goshawk's guard"
 Told = Callable[[Seen], None]
 
@@ -181,7 +182,7 @@ class CrazyflieFlyer:
             transport.close()
         failsafes = [
             Failsafe("A process of ours", "this station stops", "it lands where it is"),
-            Failsafe("Crazyflie", "this computer or the radio stops", crazyflie_flight.ALONE),
+            Failsafe("Crazyflie", "this computer or the radio stops", _CRAZYFLIE_ALONE),
         ]
         checked = tuple(crazyflie_checks.supervisor(bits))
         return Looked("Crazyflie", checked, failsafes, "emergency stop: it is locked until it is switched off")

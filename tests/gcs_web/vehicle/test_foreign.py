@@ -25,7 +25,7 @@ SLOW = 1.0
 
 @contextlib.contextmanager
 def flying_autopilot(**more) -> Iterator[SimulatedAutopilot]:
-    """On the ground below the first waypoint; it runs from `switch_on` on, as its clock must not be far when it flies."""
+    """On the ground below the first waypoint; it runs from `switch_on` on: it must not be old when it flies."""
     on_ground = vehicle.simulate.State(position_world_m=START[0] * [1.0, 1.0, 0.0])
     plant = vehicle.simulate.Plant(MODEL, on_ground, rng=np.random.default_rng(1), ground_m=0.0)
     simulation = SimulatedAutopilot(plant, "px4", {"MPC_THR_HOVER": hover_thrust("px4")} | more)

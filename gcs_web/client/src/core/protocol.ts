@@ -704,7 +704,7 @@ export interface MapSection {
 export interface MapShown {
   type: "map_shown";
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes" | "heights")[];
   low_m: [number, number, number];
   high_m: [number, number, number];
   facts: MapFacts;
@@ -1282,7 +1282,7 @@ export interface ShowMap {
   type: "show_map";
   serial: number;
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes" | "heights")[];
 }
 
 export interface ShowMoments {

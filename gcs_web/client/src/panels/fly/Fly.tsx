@@ -55,13 +55,12 @@ function Now() {
       </section>
     );
   }
-  const position = [last.x_m, last.y_m, last.z_m].map((value) => number(value, 2)).join(", ");
   return (
     <section class={`verdict live ${state}`} aria-label="Vehicle">
       <div class="block-head">
         <h2>{title(last)}</h2>
         {isOnlyLookedAt.value && state === "stale" ? (
-          <Badge>Looked at {age(age_s)} ago</Badge>
+          <Badge>Settings {age(age_s)}</Badge>
         ) : state === "fresh" ? (
           last.armed && <Badge tone="accent">Armed</Badge>
         ) : (
@@ -76,10 +75,16 @@ function Now() {
         <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
       </dl>
       <p class="quiet">
-        <Said text={`At ${position} m${last.reason === "" ? "" : `; last change: ${last.reason}`}`} />
+        <Said text={whereAndWhy(last)} />
       </p>
     </section>
   );
+}
+
+function whereAndWhy({ x_m, y_m, z_m, reason }: VehicleState): string {
+  const place = x_m === null ? "" : `At ${[x_m, y_m, z_m].map((value) => number(value, 2)).join(", ")} m`;
+  if (reason === "") return place || "Heard in flight only.";
+  return place === "" ? `Last: ${reason}` : `${place}; last change: ${reason}`;
 }
 
 function title({ mission, holds, name }: VehicleState): string {
@@ -131,14 +136,14 @@ function Failsafes() {
           <div key={whose + when}>
             <dt>{whose}</dt>
             <dd>
-              <Said text={`If ${when}: ${act}`} />.
+              <Said text={`If ${when}: ${act}.`} />
             </dd>
           </div>
         ))}
         <div>
           <dt>Kill</dt>
           <dd>
-            <Said text={sentenceCase(other.kill)} />.
+            <Said text={`${sentenceCase(other.kill)}.`} />
           </dd>
         </div>
       </dl>

@@ -138,7 +138,7 @@ function Holds() {
 function LinkFact() {
   const { state, age_s } = link.value;
   if (state === "lost") return <Fact name="Link" value={`link lost, last ${age(age_s)}`} kind="danger-text" />;
-  if (state === "stale" && isOnlyLookedAt.value) return <Fact name="Looked at" value={age(age_s)} />;
+  if (state === "stale" && isOnlyLookedAt.value) return <Fact name="Settings" value={age(age_s)} />;
   if (state === "stale") return <Fact name="Link" value={age(age_s)} kind="caution-text" />;
   return <Fact name="Link" value="fresh" />;
 }
