@@ -83,7 +83,7 @@ def _column(name: str, there: frozenset[str], needs: dict[str, None], text: str)
 
 def _call(name: str, arguments: list[ast.expr], there: frozenset[str], needs: dict[str, None], text: str) -> _Node:
     if name not in _FUNCTIONS:
-        raise _refused(text, f"calls {name!r}")
+        raise InputError(f"there is no function {name!r}; the functions are {', '.join(sorted(_FUNCTIONS))}")
     wanted, do = _FUNCTIONS[name]
     if len(arguments) != wanted:
         raise InputError(f"{name} takes {wanted} argument{'s' if wanted > 1 else ''}, not {len(arguments)}")
@@ -93,6 +93,5 @@ def _call(name: str, arguments: list[ast.expr], there: frozenset[str], needs: di
 
 def _refused(text: str, why: str) -> InputError:
     return InputError(
-        f"the formula {text[:60]!r} {why}; it is made of the log's columns, numbers, + - * / **, pi and "
-        f"{', '.join(sorted(_FUNCTIONS))}"
+        f"{text[:60]!r} {why}; the log's columns, pi, numbers, + - * / ** and functions like hypot may stand in it"
     )

@@ -205,7 +205,7 @@ function FormulaForm() {
           autoFocus
           spellcheck={false}
           maxLength={200}
-          placeholder="sqrt(velocity_world_x_m_s**2 + velocity_world_y_m_s**2)"
+          placeholder="hypot(position_world_x_m, position_world_y_m)"
           value={text.value}
           onInput={(event) => (text.value = event.currentTarget.value)}
         />
