@@ -87,13 +87,10 @@ class MeshView:
         self._tiles.set_visible(self._shown and not (by_height and self._heights is not None))
 
     def _coloured(self, vertices_m: np.ndarray, faces: np.ndarray) -> Any:
-        import trimesh
-
         height_m = vertices_m[:, 2]
         share = (height_m - height_m.min()) / max(float(np.ptp(height_m)), 1e-6)
-        colours = drawing.colours(share, "cividis")
-        mesh = trimesh.Trimesh(vertices_m, faces, vertex_colors=colours, process=False)
-        return self._server.scene.add_mesh_trimesh("/map_heights", mesh, cast_shadow=False)
+        mesh = display_mesh.Mesh(vertices_m, faces, drawing.colours(share, "cividis"))
+        return self._server.scene.add_glb("/map_heights", mesh.glb().tobytes(), cast_shadow=False)
 
     def first_hit(self, origin_m: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """As `Surface.first_hit`; None where there is no mesh."""

@@ -163,7 +163,7 @@ const LAYERS: readonly { key: Layer; name: string; title?: string }[] = [
   { key: "cameras", name: "Cameras" },
   { key: "points", name: "Points" },
   { key: "axes", name: "Axes", title: "1 m each: x red, y green, z blue; metres along the floor" },
-  { key: "heights", name: "Heights", title: "The mesh in colours of height: dark is low, yellow is high" },
+  { key: "heights", name: "Heights", title: "The mesh in colours of height: grey is low, yellow is high" },
 ];
 
 export function Layers() {
