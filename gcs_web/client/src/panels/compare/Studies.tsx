@@ -102,14 +102,15 @@ export function Study({ width, row_px }: { width: number; row_px: number }) {
           {studyProblem.value}
         </p>
       )}
-      <img
+      {figure.rows.length === 0 && studyProblem.value === "" && <p class="empty">Reading ...</p>}
+      {figure.rows.length > 0 && <img
         key={String(isLight.value)}
         class="study"
         width={width}
         height={height}
         src={asImage(svgOf(figure, width, height))}
         alt={`${NAMES[kind.value]} of ${words} against ${figure.xTitle}${peaks.value}`}
-      />
+      />}
     </>
   );
 }
