@@ -1,13 +1,12 @@
 /** The timeline of recorded flights: plots that share one axis of time and one cursor, read at the detail of the screen. */
 
-import { signal, useSignal, useSignalEffect } from "@preact/signals";
+import { useSignal, useSignalEffect } from "@preact/signals";
 import { useEffect, useLayoutEffect, useRef } from "preact/hooks";
 import uPlot from "uplot";
 import { PlayButton } from "../../components/PlayButton";
 import { editable, number, short } from "../../core/format";
 import {
   LETTERS,
-  addFormula,
   align,
   drawn,
   goTo,
@@ -31,6 +30,7 @@ import {
 import type { AlignBy } from "./flights";
 import { copyLink } from "./link";
 import { FindingMarks, marksPx } from "./FindingMarks";
+import { FORMULA, FormulaForm, writing } from "./Formula";
 import { KindChoice, Study } from "./Studies";
 import { kind } from "./studying";
 import { plotHeight } from "../../plots/plots";
@@ -176,52 +176,6 @@ function Alignment() {
         </button>
       ))}
     </span>
-  );
-}
-
-const FORMULA = "formula";
-/** Whether somebody writes a formula. */
-const writing = signal(false);
-
-/** A stream of one's own: a formula of the log's columns. */
-function FormulaForm() {
-  const text = useSignal("");
-  const refusal = useSignal("");
-  if (!writing.value) return null;
-  return (
-    <form
-      class="formula"
-      onSubmit={(event) => {
-        event.preventDefault();
-        void addFormula(text.value).then((error) => {
-          refusal.value = error;
-          if (error === "") writing.value = false;
-        });
-      }}
-    >
-      <label>
-        <span class="visually-hidden">Formula of the log's columns</span>
-        <input
-          autoFocus
-          spellcheck={false}
-          maxLength={200}
-          placeholder="hypot(position_world_x_m, position_world_y_m)"
-          value={text.value}
-          onInput={(event) => (text.value = event.currentTarget.value)}
-        />
-      </label>
-      <button type="submit" class="control">
-        Draw
-      </button>
-      <button type="button" class="link" onClick={() => (writing.value = false)}>
-        Cancel
-      </button>
-      {refusal.value !== "" && (
-        <p class="refusal" role="alert">
-          {refusal.value}
-        </p>
-      )}
-    </form>
   );
 }
 
