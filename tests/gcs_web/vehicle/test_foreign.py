@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import vehicle
+from firmware_bridge.betaflight_sitl import firmware
 from flight import FlightLog, LinkError, Waypoints, flight_log, project
 from gcs_web import GroundStation
 from gcs_web.panels import vehicle as panel
@@ -176,6 +177,36 @@ def test_one_that_stands_elsewhere_or_is_set_up_badly_is_not_armed(pillar_map, t
             assert "not armed. COM_OF_LOSS_T" in await ordered(page, "start")
 
         visit(station, 1, refused)
+
+
+@pytest.mark.slow
+def test_betaflights_own_firmware_is_flown_from_the_page(pillar_map, tmp_path):
+    try:
+        firmware.program()
+    except firmware.UnavailableError as reason:
+        pytest.skip(str(reason))
+    flyers: list[others.BetaflightFlyer] = []
+    with serving(pillar_map, tmp_path / "p", lambda *_: flyers[0]) as station:
+        desk = station.desk
+        until(lambda: desk.answer is not None and desk.answer.file is not None, "a plan")
+        body = offboard.body_of(MODEL, desk.checked().trajectory, seed=1)
+        with offboard.rehearsing(body) as (where, restarted):
+            flyers.append(others.BetaflightFlyer(where, lambda: MODEL, restarted))
+
+            async def talk(page: Page):
+                assert not (await page.command("connect", url=where.address))["error"]
+                await page.until(lambda p: p.state["vehicle"].get("foreign"))
+                whose = [each["whose"] for each in page.state["vehicle"]["foreign"]["failsafes"]]
+                assert whose == ["Goshawk's guard", "Goshawk's guard", "Betaflight"]
+                assert all(check["passed"] for check in page.state["vehicle"]["checks"])
+                assert not (await page.command("take_control"))["error"]
+                assert not await ordered(page, "start")
+                await page.until(lambda p: any("Landed" in text or "early" in text for text in p.notices))
+
+            visit(station, 1, talk)
+        log = saved(station)
+    assert "ended_early" not in log.metadata
+    assert body.fastest_down_m_s < 1.2
 
 
 def test_a_crazyflie_is_looked_at_and_cannot_pause(pillar_map, tmp_path):
