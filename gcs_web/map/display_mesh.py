@@ -31,7 +31,7 @@ _PART_TRIANGLES = 64
 """At least of a part that touches no other, for those browsers."""
 CACHE = "display_mesh.npz"
 
-_VERSION = 5
+_VERSION = 6
 """Of what is made: a cache of another one is made again."""
 _OVERLAP = 2.0
 """Of tiles, in typical edges of the mesh: neighbours are simplified apart, and would leave cracks."""
@@ -70,9 +70,17 @@ class Mesh:
         import trimesh
 
         mesh = trimesh.Trimesh(self.vertices_m, self.faces, vertex_colors=self.colours, process=False)
-        data = mesh.export(file_type="glb")
+        data = mesh.export(file_type="glb", tree_postprocessor=_matt)
         assert isinstance(data, bytes)
         return np.frombuffer(data, dtype=np.uint8)
+
+
+def _matt(tree: dict[str, Any]) -> None:
+    """Without a material GLB means metal, which is black where nothing is mirrored in it: as on a slow machine."""
+    tree["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}]
+    for mesh in tree["meshes"]:
+        for part in mesh["primitives"]:
+            part["material"] = 0
 
 
 def load(path: Path, triangles: int, folder: Path, *, progress: Progress = silent) -> Tiles:
