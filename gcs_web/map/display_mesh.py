@@ -37,6 +37,8 @@ _OVERLAP = 2.0
 """Of tiles, in typical edges of the mesh: neighbours are simplified apart, and would leave cracks."""
 _DARKENED = 0.95
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
+_MATT = 0.65
+"""Share of the light that a matt surface returns: more would outshine the path."""
 _PLAIN = 0.6
 """Brightness of a mesh that has no colours of its own."""
 _RAYS, _REACH_M, _OFF_M = 48, 1.2, 0.02
@@ -77,7 +79,8 @@ class Mesh:
 
 def _matt(tree: dict[str, Any]) -> None:
     """Without a material GLB means metal, which is black where nothing is mirrored in it: as on a slow machine."""
-    tree["materials"] = [{"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 1.0}}]
+    dull = {"metallicFactor": 0.0, "roughnessFactor": 1.0, "baseColorFactor": [_MATT, _MATT, _MATT, 1.0]}
+    tree["materials"] = [{"pbrMetallicRoughness": dull}]
     for mesh in tree["meshes"]:
         for part in mesh["primitives"]:
             part["material"] = 0
