@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _BALL_M = 0.05
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
-_PLAIN_LIGHT = 0.5
+_PLAIN_LIGHT = 1.0
 """From all sides alike, which costs nothing, in place of the environment."""
 _MOST_PLAIN_VIEWS = 64
 """That are remembered; those that asked long ago go first."""
