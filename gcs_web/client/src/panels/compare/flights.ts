@@ -135,11 +135,14 @@ export async function setNote(flight: string, note: string): Promise<void> {
   await submit({ type: "set_note", flight, note });
 }
 
-/** Its name in this page too, so that it stays open. */
+/** New names that are on their way: the list has them before the answer comes, and an open flight stays open. */
+const renamed = new Map<string, string>();
+
 export async function renameFlight(flight: string, name: string): Promise<void> {
-  const reply = await send({ type: "rename_flight", flight, name });
-  if (reply.error !== "") return announce(reply.error, "danger");
-  open.value = open.value.map((each) => (each === flight ? reply.name : each));
+  renamed.set(flight, name.trim());
+  const { error } = await send({ type: "rename_flight", flight, name });
+  renamed.delete(flight);
+  if (error !== "") announce(error, "danger");
 }
 
 export function toggleStream(key: string): void {
@@ -186,7 +189,8 @@ const isLooking = computed(() => connected.value && step.value === 4);
 effect(() => {
   if (flights.value === null) return;
   const ready = cards.value.filter(({ state }) => state === "ready").map(({ name }) => name);
-  const there = open.peek().filter((name) => cards.value.some((card) => card.name === name));
+  const known = open.peek().map((name) => renamed.get(name) ?? name);
+  const there = known.filter((name) => cards.value.some((card) => card.name === name));
   const first = ready.slice(0, 1);
   const next = there.length > 0 ? there : first;
   if (next.join("\n") !== open.peek().join("\n")) open.value = next;
