@@ -34,7 +34,10 @@ from gcs_web.protocol.people import Invitation, InvitationEnded, Person
 from gcs_web.protocol.vehicle import Vehicle
 from gcs_web.protocol.view import Cursor, Selection
 from gcs_web.vehicle import discovery
+from gcs_web.vehicle.foreign import NewFlyer
+from gcs_web.vehicle.foreign_watch import ForeignWatch
 from gcs_web.vehicle.vehicle_watch import VehicleWatch
+from gcs_web.vehicle.watch import Watch
 from gcs_web.view3d import View3D
 
 if TYPE_CHECKING:
@@ -66,6 +69,7 @@ class GroundStation:
         browsers: Sequence[tuple[str, float]] = (),
         on_open: Callable[[Path], None] | None = None,
         opened_before: Callable[[], Sequence[Path]] = list,
+        foreign: NewFlyer = lambda *_: None,
     ) -> None:
         """Open the project and listen, on loopback unless told otherwise.
 
@@ -87,6 +91,7 @@ class GroundStation:
                 station closes it then and opens another. None: the page says that it cannot.
             opened_before: folders of projects that the page offers beside the neighbours, on loopback only: whoever is
                 let in from elsewhere is let into the neighbours only.
+            foreign: flies a vehicle of other firmware at an address; None of one that is our controller's.
 
         Raises:
             FlightError: the project cannot be opened, or is open in another ground station.
@@ -94,6 +99,7 @@ class GroundStation:
         """
         if tls is None and not is_loopback(host):
             raise InputError(f"{host} can be reached from other machines: give --tls-cert and --tls-key, or no --host")
+        self._foreign = foreign
         self._host, self._tls = host, None if tls is None else context(*tls, host)
         logging.getLogger("websockets").setLevel(logging.ERROR)  # viser's HTTP half logs each page load as an error
         self._key_file, self._opened_before = key_file, opened_before if is_loopback(host) else list
@@ -119,8 +125,8 @@ class GroundStation:
 
     @property
     def watch(self) -> VehicleWatch:
-        """Of the vehicle that is connected."""
-        assert self.desk.watch is not None
+        """Of the vehicle of ours that is connected."""
+        assert isinstance(self.desk.watch, VehicleWatch)
         return self.desk.watch
 
     @property
@@ -219,8 +225,14 @@ class GroundStation:
             where = f"port {port}" if self._host == gateway.LOOPBACK else f"port {port} at {self._host}"
             raise InputError(f"{where} cannot be used ({error.strerror}); choose another with --port") from error
 
-    def _new_watch(self, url: str) -> VehicleWatch:
+    def _new_watch(self, url: str, poses: str) -> Watch:
         """Begins to listen when it is started. Raises as `VehicleWatch`."""
+        flyer = self._foreign(url, poses, lambda: self.desk.parts.vehicle(self.desk.inputs))
+        if flyer is not None:
+            other = ForeignWatch(url, flyer)
+            other.on_state, other.on_pose = self._vehicle_changed, self.view.vehicle.move
+            other.on_setpoint = self.view.vehicle.aim
+            return other
         made = VehicleWatch(url, key_file=self._key_file)
         made.on_state, made.on_pose = self._vehicle_changed, self.view.vehicle.move
         made.on_setpoint, made.plan_start = self.view.vehicle.aim, self.desk.plan_start

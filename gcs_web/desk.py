@@ -37,7 +37,7 @@ from gcs_web.protocol.vehicle import FoundVehicle, Vehicle
 from gcs_web.protocol.wording import for_page
 from gcs_web.vehicle import discovery
 from gcs_web.vehicle.control import Control
-from gcs_web.vehicle.vehicle_watch import VehicleWatch
+from gcs_web.vehicle.watch import Watch
 from gcs_web.view3d import View3D
 
 _STANDING_M = 0.1
@@ -52,7 +52,7 @@ class Desk:
         opened: Project,
         hub: Hub,
         view: View3D,
-        new_watch: Callable[[str], VehicleWatch],
+        new_watch: Callable[[str, str], Watch],
         base: planner.PlanOptions,
         kinds: "Sequence[Kind[Desk]]" = (),
         *,
@@ -61,7 +61,8 @@ class Desk:
     ) -> None:
         """
         Args:
-            new_watch: of the vehicle at an address; raises `InputError` where it is none.
+            new_watch: of the vehicle at an address, whose poses may arrive at
+                another; raises `InputError` where it is none.
             opened_before: folders of projects anywhere, offered beside the neighbours.
 
         Raises:
@@ -73,7 +74,7 @@ class Desk:
         self.invitation: Callable[[], tuple[Invitation | None, bool]] = lambda: (None, False)
         """The address for another device, as it is now, and whether it is a new one."""
         self.end_invitation: Callable[[], None] = lambda: None
-        self.watch: VehicleWatch | None = None
+        self.watch: Watch | None = None
         """Of the vehicle that is connected."""
         self.inputs = inputs.signature(opened.folder)
         self.parts = inputs.Parts(opened.folder)
@@ -178,7 +179,7 @@ class Desk:
         """Whether the project has what a plan is checked against: a map, and a vehicle."""
         return self.project.has_map, self.project.has_vehicle
 
-    def connect(self, url: str, person: Person) -> None:
+    def connect(self, url: str, person: Person, poses: str = "") -> None:
         """Listen to the vehicle at an address in the place of the one before; none for an empty address.
 
         Raises:
@@ -188,12 +189,12 @@ class Desk:
             self.control.require_free(but_for=person.id)
             if self.watch is not None and (now := self.watch.state()).armed and now.link != "lost":
                 raise InputError("the vehicle is armed; land it and disarm, then connect to another one")
-        self.listen_to(url)
+        self.listen_to(url, poses)
         self.notice(f"{person.name} {f'connected to {url}' if url else 'disconnected the vehicle'}.")
 
-    def listen_to(self, url: str) -> None:
+    def listen_to(self, url: str, poses: str = "") -> None:
         """As `connect`, whoever is in control. Raises `InputError` if it is no address."""
-        new = self._new_watch(url) if url else None
+        new = self._new_watch(url, poses) if url else None
         with self._connecting:  # not `_lock`: the watch that is closed may wait for that
             old, self.watch, self.control.watch = self.watch, None, None
             if old is not None:

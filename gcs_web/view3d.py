@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 _BALL_M = 0.05
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
+_PLAIN_LIGHT = 1.0
+"""From all sides alike, which costs nothing, in place of the environment."""
 _MOST_PLAIN_VIEWS = 64
 """That are remembered; those that asked long ago go first."""
 _WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
@@ -135,6 +137,7 @@ class View3D:
                 self.is_plain = True
                 self._server.scene.configure_environment_map(None)
                 self._server.scene.configure_default_lights(cast_shadow=False)
+                self._server.scene.add_light_ambient("/plain_light", intensity=_PLAIN_LIGHT)  # else walls are black
             self.plain_views.pop(view, None)
             self.plain_views[view] = triangles
             while len(self.plain_views) > _MOST_PLAIN_VIEWS:

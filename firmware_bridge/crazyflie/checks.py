@@ -28,12 +28,13 @@ def checks(
         position_world_m: (n, 3) of the last second.
         up_z: of the body's z axis, along world z.
     """
-    found = [*_supervisor(bits), _battery(battery_v, power)]
+    found = [*supervisor(bits), _battery(battery_v, power)]
     found += [_filter(variance_m2), _wander(position_world_m), _level(up_z)]
     return (*found, _near(position_world_m[-1], start_world_m))
 
 
-def _supervisor(bits: Bits) -> Iterator[ArmingCheck]:
+def supervisor(bits: Bits) -> Iterator[ArmingCheck]:
+    """What it says of itself, before anything is logged."""
     bad = LOST | Bits.DECK_FAULT
     lost = [bit.name.lower().replace("_", " ") for bit in Bits if bit in bad & bits and bit.name]
     yield ArmingCheck("supervisor", not lost, ", ".join(lost) or "well", "set it upright, and switch it off and on")

@@ -3,6 +3,7 @@
 import contextlib
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -50,6 +51,19 @@ def _blocks() -> list[Block]:
         ),
         Block((*(f"kalman.varP{axis}" for axis in "XYZ"), "supervisor.info"), 100),
     ]  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What was logged last."""
+
+    state: State
+    position_world_m: FloatArray
+    velocity_world_m_s: FloatArray
+    q_world_body: FloatArray
+    battery_v: float
+    since_s: float
+    """Of `state`."""
 
 
 class Flight:
@@ -120,6 +134,16 @@ class Flight:
             self.ended_early = _words(early)
         self._land()
         return self._log()
+
+    def seen(self) -> Seen | None:
+        """None before it is logged."""
+        if self._variables is None or not all(block.rows for block in self._blocks()):
+            return None
+        motion, attitude, outputs, _ = self._blocks()
+        begun_s, state = self._phases[-1] if self._phases else (motion.time_s[-1], State.DISARMED)
+        x_v, q = np.array(motion.rows[-1]), np.array(attitude.rows[-1][:4])
+        since_s = motion.time_s[-1] - begun_s
+        return Seen(state, x_v[:3], x_v[3:6], q / np.linalg.norm(q), outputs.last("pm.vbat"), since_s)
 
     # before it flies
 

@@ -4,19 +4,22 @@ The Crazyflie itself flies on without its ground station, so something must outl
 """
 
 import contextlib
+import math
 import multiprocessing
 import os
 import signal
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from firmware_bridge.crazyflie.client import Client
 from firmware_bridge.crazyflie.crtp import UdpTransport, endpoint
-from firmware_bridge.crazyflie.flight import Flight
+from firmware_bridge.crazyflie.flight import Flight, Seen
 from flight import FlightError, FlightLog, LinkError, Progress, Trajectory
 
 _POLL_S = 0.1
+_TELL_S = 0.1
 _CANCEL, _STOP = "cancel", "stop"
 
 
@@ -59,8 +62,15 @@ class _Asked:
         return _STOP in self._hear()
 
 
-def fly(order: Order, *, progress: Progress, cancel: Callable[[], bool]) -> tuple[FlightLog, str]:
+def fly(
+    order: Order, *, progress: Progress, cancel: Callable[[], bool], stop: Callable[[], bool] = lambda: False,
+    told: Callable[[Seen], None] = lambda _: None,
+) -> tuple[FlightLog, str]:  # fmt: skip
     """Fly in a process of its own. A second Ctrl-C is an emergency stop.
+
+    Args:
+        stop: rotors off now, wherever it is.
+        told: is given what was logged, ten times a second.
 
     Returns:
         The log, and why the flight ended early: empty if it did not.
@@ -76,19 +86,23 @@ def fly(order: Order, *, progress: Progress, cancel: Callable[[], bool]) -> tupl
     process.start()
     theirs.close()
     try:
-        return _until_flown(ours, progress, cancel)
+        return _until_flown(ours, progress, cancel, stop, told)
     finally:
         ours.close()
         process.join()
 
 
-def _until_flown(line: Connection, progress: Progress, cancel: Callable[[], bool]) -> tuple[FlightLog, str]:
-    cancelled = False
+def _until_flown(
+    line: Connection, progress: Progress, cancel: Callable[[], bool], stop: Callable[[], bool],
+    told: Callable[[Seen], None],
+) -> tuple[FlightLog, str]:  # fmt: skip
+    sent = set[str]()
     while True:
         try:
-            if cancel() and not cancelled:
-                cancelled = True
-                line.send(_CANCEL)
+            for word, asked in ((_STOP, stop), (_CANCEL, cancel)):
+                if word not in sent and asked():
+                    sent.add(word)
+                    line.send(word)
             if not line.poll(_POLL_S):
                 continue
             said = line.recv()
@@ -101,7 +115,10 @@ def _until_flown(line: Connection, progress: Progress, cancel: Callable[[], bool
             return said.log, said.ended_early
         if isinstance(said, FlightError):
             raise said
-        progress(*said)
+        if isinstance(said, Seen):
+            told(said)
+        else:
+            progress(*said)
 
 
 def _main(order: Order, line: Connection) -> None:
@@ -116,9 +133,18 @@ def _main(order: Order, line: Connection) -> None:
             line.send(what)
 
     asked, transport = _Asked(line), UdpTransport(*endpoint(order.address))
+    told_s = [-math.inf]
+
+    def stop() -> bool:
+        """Asked at every wait: so often it is told what is seen, too."""
+        if time.monotonic() - told_s[0] >= _TELL_S and (seen := flight.seen()) is not None:
+            told_s[0] = time.monotonic()
+            tell(seen)
+        return asked.stop()
+
     flight = Flight(
         Client(transport), order.plan, arms=order.arms, progress=lambda stage, fraction: tell((stage, fraction)),
-        cancel=asked.cancel, stop=asked.stop, motor_of_rotor=order.motor_of_rotor,
+        cancel=asked.cancel, stop=stop, motor_of_rotor=order.motor_of_rotor,
     )  # fmt: skip
     try:
         log = flight.fly()

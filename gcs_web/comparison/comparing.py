@@ -17,7 +17,7 @@ from gcs_web.flights import pyramid, reading, studies
 from gcs_web.flights.flights import Flights
 from gcs_web.flights.studies import Samples
 from gcs_web.protocol.comparison import ArrowScale, Comparison, Scatter, ShowFlights
-from gcs_web.protocol.flights import CurvePart, OpenedFlight, Pairs, Spectrum, SpectrumCurve, StreamPart
+from gcs_web.protocol.flights import CurvePart, OpenedFlight, Pairs, Spectrogram, Spectrum, SpectrumCurve, StreamPart
 from sysid.estimator.validation.comparison import Deviation
 
 if TYPE_CHECKING:
@@ -66,13 +66,13 @@ class Comparing:
             reports.report_file(self._project.folder, "comparison").is_file(),
         )
 
-    def opened(self, name: str) -> OpenedFlight:
-        """A flight with all its streams, those of the comparison too.
+    def opened(self, name: str, written: Sequence[str] = ()) -> OpenedFlight:
+        """A flight with all its streams, those of the comparison and the formulas `written` too.
 
         Raises:
             FlightError: it cannot be read.
         """
-        found = self._flights.recorded.open(name)
+        found = self._flights.recorded.open(name, written)
         flight = self._residual(name)
         forces = [] if flight is None else [stream for stream, _, _ in residuals.forces(flight).values()]
         flown = [stream for stream in found.streams if stream.group == "flight"]
@@ -128,14 +128,23 @@ class Comparing:
             curves.append(SpectrumCurve(one.label, one.kind, frequency_hz, density, found.share))
         return Spectrum(name, key, curves)
 
+    def spectrogram(self, name: str, key: str, from_s: float, to_s: float) -> Spectrogram:
+        """Of what was measured. Raises as `spectrum`."""
+        found = studies.spectrogram(_measured(self.samples(name, key, from_s, to_s)))
+        power_db = np.round(found.power_db, 1).tolist()
+        return Spectrogram(name, key, found.time_s.tolist(), found.frequency_hz.tolist(), power_db)
+
     def pairs(self, name: str, keys: tuple[str, str], from_s: float, to_s: float) -> Pairs:
         """What was measured of two streams, one against the other. Raises as `spectrum`."""
         x, y = (_measured(self.samples(name, key, from_s, to_s)) for key in keys)
         time_s, x_values, y_values = studies.pairs(x, y)
         return Pairs(name, time_s.tolist(), x_values.tolist(), y_values.tolist())
 
-    def table(self, name: str, keys: Sequence[str], from_s: float, to_s: float) -> Iterator[bytes]:
-        """A CSV with every sample of some streams, piece by piece. Raises as `samples`, before the first piece."""
+    def table(
+        self, name: str, keys: Sequence[str], from_s: float, to_s: float, *, as_parquet: bool = False
+    ) -> Iterator[bytes]:
+        """A CSV or Parquet file with every sample of some streams, piece by piece. Raises as `samples`, before the
+        first piece."""
         wanted = list(dict.fromkeys(keys))
         if len(wanted) > MOST_STREAMS:
             raise InputError(f"{len(wanted)} streams are more than the {MOST_STREAMS} of a table; choose fewer")
@@ -144,13 +153,15 @@ class Comparing:
         others = [one for key in wanted if key in ours for one in self.samples(name, key, from_s, to_s)]
         recorded = self._flights.recorded
         stretches = recorded.stretches(name, [key for key in wanted if key not in ours], from_s, to_s)
-        return studies.table(studies.beside(stretches, others), recorded.open(name).shift_s)
+        write = studies.parquet if as_parquet else studies.table
+        return write(studies.beside(stretches, others), recorded.open(name).shift_s)
 
     def asked_table(self, asked: Mapping[str, str]) -> Iterator[bytes]:
         """`table` by the words of an address: flight, streams (with | between), from and to (s). Raises as `table`."""
         try:
             from_s, to_s = float(asked["from"]), float(asked["to"])
-            return self.table(asked["flight"], asked["streams"].split("|"), from_s, to_s)
+            as_parquet = asked.get("as") == "parquet"
+            return self.table(asked["flight"], asked["streams"].split("|"), from_s, to_s, as_parquet=as_parquet)
         except (KeyError, ValueError) as error:
             raise InputError(f"a flight, streams, from and to are needed ({error})") from error
 

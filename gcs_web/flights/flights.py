@@ -38,6 +38,8 @@ class Flights:
         self._lock = threading.RLock()
         self._roles_file = opened.folder / ".session" / "roles.json"
         self._roles: dict[str, Role] = _roles(self._roles_file)
+        self._notes_file = self._roles_file.with_name("notes.json")
+        self._notes: dict[str, str] = session_files.read(self._notes_file, dict[str, str]) or {}
         self._failed: dict[str, tuple[reading.Signature, str]] = {}
         self._reader: threading.Thread | None = None
         self._process: JobProcess | None = None
@@ -67,6 +69,30 @@ class Flights:
         self._require(name)
         self._set_roles({name: role})
         self.refresh()
+
+    def set_note(self, name: str, note: str) -> None:
+        """Keep what people write about a flight; empty takes it away. Raises as `set_role`."""
+        self._require(name)
+        self._set_notes({name: note})
+        self.refresh()
+
+    def rename(self, name: str, wanted: str) -> str:
+        """Give a log another name, with its role and note; the new name.
+
+        Raises:
+            InputError: there is no such flight, the name is none, or taken.
+        """
+        path, new = self._require(name), project.part_name(wanted.strip())
+        target = self._project.flight(new)
+        try:
+            target.hardlink_to(path)  # never over another file
+        except FileExistsError as error:
+            raise InputError(f"there is a flight {new} already; choose another name") from error
+        path.unlink()
+        self._set_roles({new: self._role(name)})
+        self._set_notes({new: self._notes.get(name, ""), name: ""})
+        self.refresh()
+        return new
 
     def names(self, role: Role) -> list[str]:
         """Flights that can be read and are for this, in the order of their names."""
@@ -191,6 +217,15 @@ class Flights:
                 raise InputError(f"the choice was not saved ({error.strerror})") from error
             self._roles = roles
 
+    def _set_notes(self, new: Mapping[str, str]) -> None:
+        with self._lock:
+            notes = {name: note for name, note in {**self._notes, **new}.items() if note}
+            try:
+                file_format.write_bytes(self._notes_file, msgspec.json.encode(notes))
+            except OSError as error:
+                raise InputError(f"the note was not saved ({error.strerror})") from error
+            self._notes = notes
+
     def _fixed_from(self, path: Path) -> str:
         """The flight that a log was made from by fixes, if it is here; empty for none."""
         try:
@@ -217,12 +252,19 @@ class Flights:
         try:
             wanted = reading.signature(self._project, name, believed)
         except (OSError, InputError) as error:
-            return FlightCard(name, "unreadable", role, sentence=for_page(str(error), self._project.folder))
+            return FlightCard(
+                name, "unreadable", role, self._notes.get(name, ""), sentence=for_page(str(error), self._project.folder)
+            )
         kept = reading.kept_card(self._project, name, wanted)
         failed, reason = self._failed.get(name, (None, ""))
         if kept is None and failed == wanted:
-            return FlightCard(name, "unreadable", role, sentence=for_page(reason, self._project.folder))
-        return FlightCard(name, "reading", role) if kept is None else msgspec.structs.replace(kept, role=role)
+            return FlightCard(
+                name, "unreadable", role, self._notes.get(name, ""), sentence=for_page(reason, self._project.folder)
+            )
+        note = self._notes.get(name, "")
+        if kept is None:
+            return FlightCard(name, "reading", role, note)
+        return msgspec.structs.replace(kept, role=role, note=note)
 
     def _read(self, names: list[str]) -> None:
         log = self._project.folder / ".session" / "flight-cards.log"

@@ -17,7 +17,7 @@ from firmware_bridge.controller import State
 from flight import FloatArray, InputError, flight_log
 from flight.flight_log import COLUMNS
 from flight.project import Project
-from gcs_web.flights import pyramid, streams, studies
+from gcs_web.flights import formulas, pyramid, streams, studies
 from gcs_web.flights.alignment import Signal
 from gcs_web.flights.pyramid import Pyramid
 from gcs_web.flights.studies import Samples
@@ -58,6 +58,7 @@ class States:
 class _Opened:
     path: Path
     stamp: tuple[int, int]
+    columns: tuple[str, ...]
     quantities: Mapping[str, streams.Quantity]
     time_s: FloatArray
     gaps_s: FloatArray
@@ -74,14 +75,20 @@ class Recorded:
         self._opened: dict[str, _Opened] = {}
         self._kept: OrderedDict[tuple[str, str], list[Pyramid]] = OrderedDict()
 
-    def open(self, name: str) -> OpenedFlight:
+    def open(self, name: str, written: Sequence[str] = ()) -> OpenedFlight:
         """
+        Args:
+            written: keys of formulas that are offered too.
+
         Raises:
-            FlightError: there is no such flight, or it cannot be read.
+            FlightError: there is no such flight, it cannot be read, or has not what a formula names.
         """
         found = self._found(name)
         time_s = found.time_s - found.shift_s
         listed = [Stream(q.key, q.name, q.unit, _group(q)) for q in found.quantities.values()]
+        for key in written:
+            own = _quantity(name, found, key)
+            listed.append(Stream(own.key, own.name, own.unit, "column"))
         return OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed)
 
     def read(self, name: str, keys: Sequence[str], from_s: float, to_s: float, points: int) -> list[StreamPart]:
@@ -176,10 +183,7 @@ class Recorded:
         if not from_s < to_s:  # nor if either is no number
             raise InputError(f"a stretch from {from_s:g} s to {to_s:g} s has no length")
         found = self._found(name)
-        for key in keys:
-            if key not in found.quantities:
-                raise InputError(f"{name} has no stream {key}")
-        return [found.quantities[key] for key in keys], found
+        return [_quantity(name, found, key) for key in keys], found
 
     def _found(self, name: str) -> _Opened:
         path = self._project.flight(name)
@@ -249,7 +253,18 @@ def _open(path: Path, stamp: tuple[int, int]) -> _Opened:
     # Where the trajectory begins, flights of one course stand side by side.
     begins_s = flying_s[0] if len(flying_s) else time_s[0]
     states = States(len(flying_s) > 0, bool(np.isin(first, IN_FREE_AIR).any()))
-    return _Opened(path, stamp, streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s), states)
+    return _Opened(
+        path, stamp, tuple(names), streams.of_log(names), time_s, pyramid.gaps(time_s), float(begins_s), states
+    )
+
+
+def _quantity(name: str, found: _Opened, key: str) -> streams.Quantity:
+    """Raises `InputError` where the flight has none of this key."""
+    if key.startswith(formulas.PREFIX):
+        return formulas.quantity(key, found.columns)
+    if key not in found.quantities:
+        raise InputError(f"{name} has no stream {key}")
+    return found.quantities[key]
 
 
 def _stretches(

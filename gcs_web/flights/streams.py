@@ -128,6 +128,16 @@ _QUANTITIES: tuple[Quantity, ...] = (
         for a, name in zip("xyz", COLUMNS["rate_body_rad_s"], strict=True)
     ),
     *(_rotor(i) for i in range(MOST_ROTORS)),
+    Quantity(
+        "disturbance",
+        "Disturbance, as the observer saw it",
+        "N",
+        (_size("disturbance_force_world_n", MEASURED),),
+    ),
+    *(
+        Quantity(f"disturbance_{a}", f"Disturbance along {a}, observer", "N", (_one(name, MEASURED, "measured"),))
+        for a, name in zip("xyz", COLUMNS["disturbance_force_world_n"], strict=True)
+    ),
     Quantity("battery", "Battery", "V", (_one("battery_v", MEASURED, "measured"),)),
 )
 

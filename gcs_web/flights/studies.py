@@ -3,6 +3,7 @@
 import csv
 import importlib
 import io
+import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -18,8 +19,13 @@ MOST_BANDS = 1024
 """Frequencies of a spectrum: more samples make more pieces to average, not more bands."""
 MOST_PAIRS = 4000
 """Points of one stream against another."""
+MOST_COLUMNS = 240
+"""Instants of a spectrogram."""
+SPECTROGRAM_DB = 60.0
+"""Below its peak: weaker is drawn alike."""
 _WINDOWS = 8
 """Lengths of a window in the longest stretch."""
+_PIECE_BYTES = 1 << 18
 _TIME_DIGITS = 9
 """Of seconds, in a table."""
 
@@ -48,6 +54,18 @@ class Density:
     """(m,) in the unit squared a Hz: its integral over frequency is the variance."""
     share: float
     """Of the samples that are in it, 0 to 1; the others stand in stretches too short for one window."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectrogram:
+    """Power of one curve over time and frequency."""
+
+    time_s: FloatArray
+    """(k,)."""
+    frequency_hz: FloatArray
+    """(m,)."""
+    power_db: FloatArray
+    """(m, k), of the unit squared a Hz."""
 
 
 def density(samples: Samples) -> Density:
@@ -83,6 +101,45 @@ def density(samples: Samples) -> Density:
     used = sum(length // 2 + count * step for count in windows)
     mean = np.average([power for _, power in found], axis=0, weights=windows)
     return Density(found[0][0], mean, min(used / sum(len(part) for part in even), 1.0))
+
+
+def spectrogram(samples: Samples) -> Spectrogram:
+    """Power over time and frequency, dB: Hann windows that overlap by three quarters, the mean of each taken off.
+
+    Of the longest stretch without a pause, taken for evenly spaced as by `density`.
+
+    Raises:
+        InputError: it is too short.
+    """
+    from scipy import signal
+
+    time_s, values, step_s = _longest_stretch(samples)
+    length = 2 * int(np.clip(len(values) // MOST_COLUMNS * 4 // 2, LEAST_SAMPLES // 2, MOST_BANDS // 4))
+    skip = max(length // 4, -(-len(values) // MOST_COLUMNS))
+    frequency_hz, at_s, power = signal.spectrogram(
+        values, 1.0 / step_s, window="hann", nperseg=length, noverlap=max(length - skip, 0), detrend="constant"
+    )
+    least = max(float(power.max()), np.finfo(float).tiny) * 10.0 ** (-0.1 * SPECTROGRAM_DB)
+    return Spectrogram(time_s[0] + at_s, frequency_hz, 10.0 * np.log10(np.maximum(power, least)))
+
+
+def _longest_stretch(samples: Samples) -> tuple[FloatArray, FloatArray, float]:
+    """Times, values at even steps, and the step, s."""
+    known = np.isfinite(samples.values)
+    time_s, values = samples.time_s[known], samples.values[known]
+    if len(time_s) < LEAST_SAMPLES:
+        raise InputError(f"{samples.label} has {len(time_s)} samples here; a spectrum needs {LEAST_SAMPLES}: zoom out")
+    step_s = float(np.median(np.diff(time_s)))
+    spans = np.split(np.arange(len(time_s)), np.searchsorted(time_s, pyramid.gaps(time_s)[:, 1]))
+    begin_s, end_s = max(
+        ((float(time_s[rows[0]]), float(time_s[rows[-1]])) for rows in spans), key=lambda ends: ends[1] - ends[0]
+    )
+    even_s = np.arange(begin_s, end_s + 0.5 * step_s, step_s)
+    if len(even_s) < LEAST_SAMPLES:
+        raise InputError(
+            f"{samples.label} pauses every {len(even_s)} samples; a spectrum needs {LEAST_SAMPLES} without one"
+        )
+    return even_s, np.interp(even_s, time_s, values), step_s
 
 
 def pairs(x: Samples, y: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -136,14 +193,20 @@ def table(stretches: Iterable[list[Samples]], shift_s: float) -> Iterator[bytes]
     for i, curves in enumerate(stretches):
         if i == 0:
             yield _line(["log_time_s", "plot_time_s", *(_title(one) for one in curves)])
-        every_s = np.unique(np.concatenate([one.time_s for one in curves]))
-        columns = np.full((len(curves), len(every_s)), np.nan)
-        for column, one in zip(columns, curves, strict=True):
-            column[np.searchsorted(every_s, one.time_s)] = one.values
-        there = np.isfinite(columns).any(axis=0)
-        if there.any():
-            times = [np.round(every_s[there] + since_s, _TIME_DIGITS) for since_s in (shift_s, 0.0)]
-            yield _lines([*times, *columns[:, there]])
+        times_s, columns = _side_by_side(curves)
+        if len(times_s):
+            times = [np.round(times_s + since_s, _TIME_DIGITS) for since_s in (shift_s, 0.0)]
+            yield _lines([*times, *columns])
+
+
+def _side_by_side(curves: Sequence[Samples]) -> tuple[FloatArray, FloatArray]:
+    """(n,) instants at which any of the curves was measured, and (k, n) their values, NaN where one was not."""
+    every_s = np.unique(np.concatenate([one.time_s for one in curves]))
+    columns = np.full((len(curves), len(every_s)), np.nan)
+    for column, one in zip(columns, curves, strict=True):
+        column[np.searchsorted(every_s, one.time_s)] = one.values
+    there = np.isfinite(columns).any(axis=0)
+    return every_s[there], columns[:, there]
 
 
 def _lines(columns: Sequence[FloatArray]) -> bytes:
@@ -164,3 +227,23 @@ def _line(cells: Sequence[str]) -> bytes:
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerow(cells)
     return text.getvalue().encode()
+
+
+def parquet(stretches: Iterable[list[Samples]], shift_s: float) -> Iterator[bytes]:
+    """As `table`, in Parquet: numbers as they were logged, with names and units as the CSV has them."""
+    pa, pq = importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")  # they carry no types
+    with tempfile.TemporaryFile() as file:
+        writer = None
+        for curves in stretches:
+            times_s, columns = _side_by_side(curves)
+            if writer is None:
+                names = ["log_time_s", "plot_time_s", *(_title(one) for one in curves)]
+                schema = pa.schema([(name, pa.float64()) for name in names])
+                writer = pq.ParquetWriter(file, schema, compression="zstd")
+            arrays = [times_s + shift_s, times_s, *columns]
+            writer.write_table(pa.table([pa.array(each, from_pandas=True) for each in arrays], schema=schema))
+        if writer is not None:
+            writer.close()
+        file.seek(0)
+        while piece := file.read(_PIECE_BYTES):
+            yield piece

@@ -13,7 +13,7 @@ Nobody holds a connection by silence: a request must come within `SILENCE_S`, a 
 /state     what the server holds, as JSON
 /share     a trajectory as one HTML file, to keep or to pass on
 /report    the newest report of a comparison or a diagnosis, likewise
-/data      streams of a flight as CSV
+/data      streams of a flight as CSV or Parquet
 /viser/    the 3D view; /viser/of/NAME/ that of one page, by which the page has its camera moved
 """
 
@@ -42,6 +42,7 @@ if TYPE_CHECKING:
 logger = logging.getLogger(__name__)
 
 LOOPBACK = "127.0.0.1"
+_TABLES = ("csv", "text/csv; charset=utf-8"), ("parquet", "application/vnd.apache.parquet")
 STATIC = Path(__file__).parents[1] / "static"
 LARGEST_LOG = 1 << 30
 """Bytes of a flight log that is dropped on the page."""
@@ -335,10 +336,11 @@ class Gateway:
                 pieces = iter(await asyncio.to_thread(self._data, request.query))
             except FlightError as error:
                 return web.Response(status=404, text=f"Goshawk: {error}\n")
-            name = quote(f"{request.query.get('flight', '')}.csv")
+            kind, content = _TABLES[request.query.get("as") == "parquet"]
+            name = quote(f"{request.query.get('flight', '')}.{kind}")
             answer = web.StreamResponse(headers={**_SAFETY_HEADERS, "Cache-Control": "no-store"})
             answer.headers["Content-Disposition"] = f"attachment; filename*=UTF-8''{name}"
-            answer.content_type, answer.charset = "text/csv", "utf-8"
+            answer.headers["Content-Type"] = content
             await answer.prepare(request)
             try:
                 while piece := await asyncio.to_thread(next, pieces, b""):

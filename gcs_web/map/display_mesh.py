@@ -31,12 +31,14 @@ _PART_TRIANGLES = 64
 """At least of a part that touches no other, for those browsers."""
 CACHE = "display_mesh.npz"
 
-_VERSION = 5
+_VERSION = 6
 """Of what is made: a cache of another one is made again."""
 _OVERLAP = 2.0
 """Of tiles, in typical edges of the mesh: neighbours are simplified apart, and would leave cracks."""
 _DARKENED = 0.95
 """Share of the mesh's brightness that is shown: the path must stand out from it."""
+_MATT = 0.65
+"""Share of the light that a matt surface returns: more would outshine the path."""
 _PLAIN = 0.6
 """Brightness of a mesh that has no colours of its own."""
 _RAYS, _REACH_M, _OFF_M = 48, 1.2, 0.02
@@ -70,9 +72,18 @@ class Mesh:
         import trimesh
 
         mesh = trimesh.Trimesh(self.vertices_m, self.faces, vertex_colors=self.colours, process=False)
-        data = mesh.export(file_type="glb")
+        data = mesh.export(file_type="glb", tree_postprocessor=_matt)
         assert isinstance(data, bytes)
         return np.frombuffer(data, dtype=np.uint8)
+
+
+def _matt(tree: dict[str, Any]) -> None:
+    """Without a material GLB means metal, which is black where nothing is mirrored in it: as on a slow machine."""
+    dull = {"metallicFactor": 0.0, "roughnessFactor": 1.0, "baseColorFactor": [_MATT, _MATT, _MATT, 1.0]}
+    tree["materials"] = [{"pbrMetallicRoughness": dull}]
+    for mesh in tree["meshes"]:
+        for part in mesh["primitives"]:
+            part["material"] = 0
 
 
 def load(path: Path, triangles: int, folder: Path, *, progress: Progress = silent) -> Tiles:
@@ -271,7 +282,18 @@ def _of_trimesh(mesh: Any, T_world_mesh: FloatArray) -> Mesh:
     colours = np.full(vertices_m.shape, int(255 * _PLAIN), dtype=np.uint8)
     if mesh.visual.kind == "vertex":
         colours = np.asarray(mesh.visual.vertex_colors[:, :3], dtype=np.uint8)
+    elif mesh.visual.kind == "texture":
+        colours = _of_texture(mesh, colours)
     return Mesh(vertices_m.astype(np.float32), mesh.faces.astype(np.int32), colours)
+
+
+def _of_texture(mesh: Any, plain: np.ndarray) -> np.ndarray:
+    """Colours of the vertices by the texture, as fine as the mesh; `plain` where it has no picture with it."""
+    try:
+        found = np.asarray(mesh.visual.to_color().vertex_colors)[:, :3]
+    except (AttributeError, ValueError, IndexError):
+        return plain
+    return found.astype(np.uint8) if found.shape == plain.shape else plain
 
 
 def _shaded(mesh: Mesh, seen: FloatArray) -> Mesh:

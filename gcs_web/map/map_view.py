@@ -38,6 +38,8 @@ _FREE_AXES = {"corner": (True, True, False), "top": (False, False, True), "radiu
 """Axes along which a handle can be moved, by the first word of its name."""
 _FRUSTUM_M = 0.18
 _POINT_M = 0.015
+_TICK_M = 0.12
+_MOST_TICKS = 8
 
 
 class MapView:
@@ -59,6 +61,7 @@ class MapView:
         self._edits: tuple[MapEdit, ...] = ()
         self._drawn: list[Any] = []
         self._cameras: list[Any] = []
+        self._ruler: list[Any] = []
         self._axes = server.scene.add_frame("/axes", axes_length=1.0, axes_radius=0.012, visible=False)
         self._points = DetailView(server, "/points", self._put_points, display_points.MOST_FINE_POINTS)
         self._points_lock, self._points_key = threading.Lock(), ""
@@ -87,7 +90,7 @@ class MapView:
         self._draw_points()
 
     def show(self, wanted: Slice | None, layers: Sequence[Layer]) -> None:
-        self.mesh.show("mesh" in layers)
+        self.mesh.show("mesh" in layers, by_height="heights" in layers)
         with self._lock, self._server.atomic():
             self._slice, self._layers = wanted, frozenset(layers)
             self._axes.visible = "axes" in layers
@@ -201,6 +204,28 @@ class MapView:
             _remove(self._cameras)
         elif not self._cameras:
             self._cameras += self._make_cameras(area)
+        _remove(self._ruler)
+        if "axes" in self._layers:
+            self._ruler += self._make_ruler(area)
+
+    def _make_ruler(self, area: Map) -> list[Any]:
+        """Metres along the mapped box's lower edges in x and y, so that lengths can be read in every view."""
+        grid = area.field.grid
+        low_m, size_m = np.asarray(grid.low_world_m), np.asarray(grid.shape) * grid.voxel_m
+        segments, drawn = list[FloatArray](), list[Any]()
+        for axis in range(2):
+            step_m = _ruler_step_m(float(size_m[axis]))
+            along, across = np.eye(3)[axis], np.eye(3)[1 - axis]
+            ends_m = np.arange(0.0, size_m[axis] + 1e-6, step_m)
+            segments.append(np.stack([low_m, low_m + ends_m[-1] * along]))
+            for at_m in ends_m:
+                mark = low_m + at_m * along
+                segments.append(np.stack([mark, mark + _TICK_M * across]))
+                if at_m > 0.0:
+                    place = tuple(mark - _TICK_M * across)
+                    name = f"/ruler/{axis}/{round(at_m)}"
+                    drawn.append(self._server.scene.add_label(name, f"{at_m:g} m", position=place))
+        return [self._lines("/ruler/lines", np.array(segments), _MEASURED, 2.0), *drawn]
 
     def _make_cameras(self, area: Map) -> list[Any]:
         segments = [
@@ -312,6 +337,16 @@ class MapView:
         return self._server.scene.add_line_segments(
             name, segments.astype(np.float32), colour, thickness=width_px, thickness_units="screen"
         )
+
+
+def _ruler_step_m(length_m: float) -> float:
+    """1, 2, 5, 10 ... m, so that there are few marks."""
+    return next(
+        step * 10.0**power
+        for power in range(6)
+        for step in (1.0, 2.0, 5.0)
+        if length_m <= _MOST_TICKS * step * 10**power
+    )
 
 
 def _frustum(T_world_camera: FloatArray, aspect: float) -> FloatArray:

@@ -16,8 +16,18 @@ def _set_role(desk: Desk, _: Person, wanted: messages.SetRole) -> None:
     desk.flights.set_role(wanted.flight, wanted.role)
 
 
+def _set_note(desk: Desk, _: Person, wanted: messages.SetNote) -> None:
+    desk.flights.set_note(wanted.flight, wanted.note.strip())
+
+
+def _rename(desk: Desk, _: Person, wanted: messages.RenameFlight) -> Reply:
+    name = desk.flights.rename(wanted.flight, wanted.name)
+    desk.notice(f"{wanted.flight} is called {name} now.")
+    return Reply(wanted.serial, name=name)
+
+
 def _open(desk: Desk, _: Person, wanted: messages.OpenFlights) -> Reply:
-    return Reply(wanted.serial, flights=[desk.comparing.opened(name) for name in wanted.flights])
+    return Reply(wanted.serial, flights=[desk.comparing.opened(name, wanted.formulas) for name in wanted.flights])
 
 
 def _align(desk: Desk, _: Person, wanted: messages.AlignFlights) -> Reply:
@@ -32,6 +42,11 @@ def _read(desk: Desk, _: Person, wanted: messages.ReadStreams) -> Reply:
 def _spectrum(desk: Desk, _: Person, wanted: messages.ReadSpectrum) -> Reply:
     found = desk.comparing.spectrum(wanted.flight, wanted.stream, wanted.from_s, wanted.to_s)
     return Reply(wanted.serial, spectrum=found)
+
+
+def _spectrogram(desk: Desk, _: Person, wanted: messages.ReadSpectrogram) -> Reply:
+    found = desk.comparing.spectrogram(wanted.flight, wanted.stream, wanted.from_s, wanted.to_s)
+    return Reply(wanted.serial, spectrogram=found)
 
 
 def _pairs(desk: Desk, _: Person, wanted: messages.ReadPairs) -> Reply:
@@ -71,10 +86,13 @@ def _take(desk: Desk, _: Person, wanted: messages.TakeLog) -> Reply:
 HANDLERS: Handlers = {
     messages.ListFlights: _list,
     messages.SetRole: _set_role,
+    messages.SetNote: _set_note,
+    messages.RenameFlight: _rename,
     messages.OpenFlights: _open,
     messages.AlignFlights: _align,
     messages.ReadStreams: _read,
     messages.ReadSpectrum: _spectrum,
+    messages.ReadSpectrogram: _spectrogram,
     messages.ReadPairs: _pairs,
     messages.FixFlight: _fix,
     messages.DiscardFlight: _discard,

@@ -16,6 +16,7 @@ from gcs_web.protocol.vehicle import (
     Connect,
     GiveUpControl,
     Kill,
+    LookAtVehicle,
     LookForVehicles,
     Order,
     PrepareOrder,
@@ -33,11 +34,15 @@ _COMMANDS = {
 
 
 def _connect(desk: Desk, person: Person, wanted: Connect) -> None:
-    desk.connect(wanted.url.strip(), person)
+    desk.connect(wanted.url.strip(), person, wanted.poses.strip())
 
 
 def _look(desk: Desk, _: Person, asked: LookForVehicles) -> Reply:
     return Reply(asked.serial, vehicles=desk.find_vehicles())
+
+
+def _look_at(desk: Desk, person: Person, _: LookAtVehicle) -> None:
+    desk.control.required(person).look_again()
 
 
 def _take_control(desk: Desk, person: Person, take: TakeControl) -> None:
@@ -94,9 +99,7 @@ def _start(desk: Desk, person: Person) -> None:
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
-        wanted, held = watch.planned(file, name), watch.held()
-        if held is None or held.crc32 != wanted.crc32:
-            raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+        watch.require_held(file, name)
         watch.require_fit()
         desk.control.required(person)  # reading back takes a while
     except BaseException:
@@ -143,6 +146,7 @@ def _abort(desk: Desk, person: Person, _: Abort) -> None:
 HANDLERS: Handlers = {
     Connect: _connect,
     LookForVehicles: _look,
+    LookAtVehicle: _look_at,
     TakeControl: _take_control,
     GiveUpControl: _give_up_control,
     PrepareUpload: _prepare_upload,

@@ -1,6 +1,6 @@
 """Messages about recorded flights: the list, their streams, their clocks moved to stand side by side."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
 import msgspec
 
@@ -36,6 +36,8 @@ class FlightCard(msgspec.Struct, frozen=True):
     name: str
     state: Literal["reading", "ready", "unreadable"]
     role: Role = "learn"
+    note: str = ""
+    """What people wrote about it."""
     sentence: str = ""
     """Why it cannot be read."""
     recorded_at: str = ""
@@ -117,6 +119,17 @@ class Spectrum(msgspec.Struct, frozen=True):
     curves: list[SpectrumCurve]
 
 
+class Spectrogram(msgspec.Struct, frozen=True):
+    """What was measured of a stream, as power over time and frequency."""
+
+    flight: str
+    key: str
+    time_s: list[float]
+    frequency_hz: list[float]
+    power_db: list[list[float]]
+    """For each frequency its row over time, of the unit squared a Hz."""
+
+
 class Pairs(msgspec.Struct, frozen=True):
     """One stream of a flight against another, at the same instants."""
 
@@ -159,10 +172,26 @@ class SetRole(Command, frozen=True, tag="set_role", kw_only=True):
     role: Role
 
 
+class SetNote(Command, frozen=True, tag="set_note", kw_only=True):
+    """Keep a note on a flight; empty takes it away."""
+
+    flight: str
+    note: Annotated[str, msgspec.Meta(max_length=500)]
+
+
+class RenameFlight(Command, frozen=True, tag="rename_flight", kw_only=True):
+    """Give a flight's log another name; the reply has it."""
+
+    flight: str
+    name: str
+
+
 class OpenFlights(Command, frozen=True, tag="open_flights", kw_only=True):
     """Ask what there is to draw of flights; the reply has `flights`."""
 
     flights: list[str]
+    formulas: list[str] = []
+    """Keys of streams that people wrote, which are offered too."""
 
 
 class ReadStreams(Question, frozen=True, tag="read_streams", kw_only=True):
@@ -178,6 +207,15 @@ class ReadStreams(Question, frozen=True, tag="read_streams", kw_only=True):
 
 class ReadSpectrum(Question, frozen=True, tag="read_spectrum", kw_only=True):
     """Ask how a stream's variance over a stretch is spread over frequencies; the reply has `spectrum`."""
+
+    flight: str
+    stream: str
+    from_s: float
+    to_s: float
+
+
+class ReadSpectrogram(Question, frozen=True, tag="read_spectrogram", kw_only=True):
+    """As `read_spectrum`, over time as well; the reply has `spectrogram`."""
 
     flight: str
     stream: str

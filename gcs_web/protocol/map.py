@@ -43,7 +43,7 @@ SliceAxis = Literal["x", "y", "z", "oblique"]
 SliceOf = Literal["distance", "unknown", "could_hide", "surface_std"]
 
 
-Layer = Literal["mesh", "cameras", "points", "edits", "axes"]
+Layer = Literal["mesh", "cameras", "points", "edits", "axes", "heights"]
 
 
 class Slice(msgspec.Struct, frozen=True):

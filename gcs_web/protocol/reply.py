@@ -4,7 +4,7 @@ from gcs_web.protocol.base import Message
 from gcs_web.protocol.comparison import Scatter
 from gcs_web.protocol.compensation import Compensation
 from gcs_web.protocol.course import RecordedPath
-from gcs_web.protocol.flights import Aligned, Incoming, OpenedFlight, Pairs, Spectrum, StreamPart
+from gcs_web.protocol.flights import Aligned, Incoming, OpenedFlight, Pairs, Spectrogram, Spectrum, StreamPart
 from gcs_web.protocol.people import Invitation
 from gcs_web.protocol.trajectories import PlanSummary
 from gcs_web.protocol.vehicle import FoundVehicle, Held
@@ -27,6 +27,7 @@ class Reply(Message, frozen=True, tag="reply"):
     """Of `align_flights`: each flight but the first."""
     parts: list[StreamPart] = []
     spectrum: Spectrum | None = None
+    spectrogram: Spectrogram | None = None
     pairs: Pairs | None = None
     scatter: Scatter | None = None
     incoming: Incoming | None = None

@@ -35,6 +35,24 @@ class LostLinkAct(msgspec.Struct, frozen=True):
     act: str
 
 
+class Failsafe(msgspec.Struct, frozen=True):
+    """What happens by itself when something fails, and whose doing it is."""
+
+    whose: str
+    when: str
+    act: str
+
+
+class Foreign(msgspec.Struct, frozen=True):
+    """Of a vehicle that flies by other firmware than our controller."""
+
+    firmware: str
+    failsafes: list[Failsafe]
+    can_pause: bool
+    kill: str
+    """What Kill does to it."""
+
+
 class Vehicle(State, frozen=True, tag="vehicle"):
     """The vehicle as last heard; sent on every change and at least twice a second."""
 
@@ -70,6 +88,8 @@ class Vehicle(State, frozen=True, tag="vehicle"):
     """In their order; empty on the ground, and where it is not known."""
     reason: str = ""
     """Why the vehicle last changed its state, in its own words."""
+    foreign: Foreign | None = None
+    """None of one that our controller flies."""
 
 
 class FoundVehicle(msgspec.Struct, frozen=True):
@@ -88,7 +108,13 @@ class Connect(VehicleCommand, frozen=True, tag="connect", kw_only=True):
     """Listen to another vehicle, or to none."""
 
     url: str
-    """`udp://host:port`; empty for none."""
+    """`udp://host:port`, or `betaflight:`, `mavlink:`, `crazyflie:` and an address; empty for none."""
+    poses: str = ""
+    """Where the poses of a vehicle of other firmware arrive, which are not in its own messages."""
+
+
+class LookAtVehicle(VehicleCommand, frozen=True, tag="look_at_vehicle", kw_only=True):
+    """Read once more what must hold before a vehicle of other firmware is armed."""
 
 
 class TakeControl(Command, frozen=True, tag="take_control", kw_only=True):

@@ -10,12 +10,12 @@ from firmware_bridge import controller, parameters
 from flight import InputError, LinkError
 from flight.project import Project
 from gcs_web.protocol.compensation import Compensation, ControllerParameter, NotCompensated
-from gcs_web.vehicle.vehicle_watch import VehicleWatch
+from gcs_web.vehicle.watch import Watch
 from sysid.report import words
 from vehicle import Vehicle, history
 
 
-def read(watch: VehicleWatch, opened: Project) -> Compensation:
+def read(watch: Watch, opened: Project) -> Compensation:
     """Read the vehicle's parameters, beside those that follow from the project's vehicle file.
 
     Raises:
@@ -24,7 +24,7 @@ def read(watch: VehicleWatch, opened: Project) -> Compensation:
     """
     believed = vehicle.load(opened.vehicle)
     wanted = controller.parameters_of(believed).parameters
-    present = watch.link.parameters()
+    present = watch.parameters()
     parameters.refuse_unknown(wanted, present)
     here, there = parameters.shortest(wanted), parameters.shortest(present)
     return Compensation(
@@ -46,7 +46,7 @@ def purpose(found: Compensation) -> str:
     return f"compensation {hashlib.sha256(repr(changes(found)).encode()).hexdigest()}"
 
 
-def send(watch: VehicleWatch, opened: Project, shown: Compensation, accepted_mark: str) -> Compensation:
+def send(watch: Watch, opened: Project, shown: Compensation, accepted_mark: str) -> Compensation:
     """Set what differs as one block, and read it back.
 
     Args:

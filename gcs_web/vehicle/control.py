@@ -12,7 +12,7 @@ from flight import InputError
 from flight.project import Project
 from gcs_web.gateway.hub import Hub
 from gcs_web.protocol.people import Notice, People, Person
-from gcs_web.vehicle.vehicle_watch import VehicleWatch
+from gcs_web.vehicle.watch import Watch
 
 NONCE_LIFE_S = 60.0
 
@@ -30,7 +30,7 @@ class Control:
     def __init__(self, opened: Project, hub: Hub, lock: threading.RLock) -> None:
         """`lock`: held by who must know that nobody takes control meanwhile."""
         self._folder, self._hub, self._lock = opened.folder, hub, lock
-        self.watch: VehicleWatch | None = None
+        self.watch: Watch | None = None
         self.holder = ""
         """Id of the person whose orders are passed on to the vehicle."""
         self.is_left = False
@@ -61,7 +61,7 @@ class Control:
                 self.holder = ""
         self.show()
 
-    def required(self, person: Person) -> VehicleWatch:
+    def required(self, person: Person) -> Watch:
         """The vehicle, for the person in control.
 
         Raises:

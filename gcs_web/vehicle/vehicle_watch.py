@@ -16,7 +16,7 @@ import numpy as np
 import firmware_bridge
 from firmware_bridge import port, wire
 from firmware_bridge.dialect.generated.messages import Command
-from flight import FlightError, FlightLog, FloatArray, LinkError, TrajectoryFile, rotations
+from flight import FlightError, FlightLog, FloatArray, InputError, LinkError, TrajectoryFile, rotations
 from gcs_web.planning import page_values
 from gcs_web.protocol.vehicle import ArmingCheck, Held, Vehicle
 from gcs_web.protocol.wording import for_page
@@ -146,6 +146,18 @@ class VehicleWatch:
         """What the vehicle would hold after an upload."""
         return page_values.held(name, wire.plan_from_file(replace(file, name=name)))
 
+    def require_held(self, file: TrajectoryFile, name: str) -> None:
+        """
+        Raises:
+            InputError: the vehicle holds another plan, or none.
+        """
+        wanted, held = self.planned(file, name), self.held()
+        if held is None or held.crc32 != wanted.crc32:
+            raise InputError(f"the vehicle holds {held.name if held else 'nothing'}, not this plan; upload it first")
+
+    def look_again(self) -> None:
+        """It is checked all the time."""
+
     def upload(self, file: TrajectoryFile, name: str, *, map_hash: str, vehicle_hash: str) -> str:
         """Send, commit, read back; one line on how it went.
 
@@ -155,6 +167,10 @@ class VehicleWatch:
         self.link.take_control()
         report = self.link.upload(replace(file, name=name), map_hash=map_hash, vehicle_hash=vehicle_hash)
         return f"uploaded {name}: {report.segments} segments in {report.duration_s:.2f} s, read back and equal"
+
+    def parameters(self) -> dict[str, float]:
+        """Those of the controller. Raises `FlightError` where it does not answer."""
+        return self.link.parameters()
 
     def set_parameters(self, values: dict[str, float]) -> None:
         """Set parameters of the controller, all of them or none.

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from firmware_bridge import controller
-from firmware_bridge.arming import required
+from firmware_bridge.arming import ArmingCheck, required
 from firmware_bridge.autopilot import checks, line, settings, thrust
 from firmware_bridge.autopilot.flavour import PX4
 from firmware_bridge.autopilot.setup import AutopilotSetup
@@ -25,12 +25,13 @@ IDLE = 0.0
 
 def fly(
     model: Vehicle, item: TrajectoryFile, where: offboard.Where, *, arms: bool, progress: Progress,
-    cancel: Callable[[], bool],
+    cancel: Callable[[], bool], tracker: offboard.NewTracker = Tracker,
 ) -> tuple[FlightLog, str]:  # fmt: skip
     """Read the parameters back, check them and the plan, and fly it.
 
     Args:
         arms: ask for the mode and to arm; else the pilot does both.
+        tracker: what follows the plan.
 
     Returns:
         The log, and why the flight ended early: empty if it did not.
@@ -39,17 +40,9 @@ def fly(
         InputError: the plan cannot be followed.
         LinkError: a parameter is wrong, nothing answers, or it does not arm.
     """
-    address = line.parsed(where.address)
-    opened = line.MavlinkLine(address)
-    try:
-        found = settings.read(opened, address)
-    finally:
-        opened.close()
-    by_file = thrust.of(found.flavour, found.parameters, offboard.thrust_map(model, idle=IDLE))
-    weight_n = model.mass_kg * model.gravity_m_s2
-    required(
-        checks.checks(found, weight_n=weight_n, thrust=by_file, arms=arms, origin=address.origin is not None)
-    )  # fmt: skip
+    found = read(where)
+    by_file, weight_n = _thrust(model, found), model.mass_kg * model.gravity_m_s2
+    required(arming_checks(model, found, where, arms=arms))
     anchored = by_file.through(found.parameters[found.flavour.hover], weight_n)
     rates = checks.largest_rad_s(found)
     offboard.require_followable(
@@ -65,12 +58,34 @@ def fly(
     configuration = controller.parameters_of(many_rotors.as_four(model))
     with GuardProcess(setup.to_json(), module=GUARD) as guard:
         flight = Flight(
-            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            guard, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
         )  # fmt: skip
         log = flight.fly()
     told = {"firmware": found.firmware, "failsafe": checks.when_we_die(found)}
     return replace(log, metadata={**log.metadata, **told}), flight.ended_early
+
+
+def read(where: offboard.Where) -> settings.Settings:
+    """What it says of itself. Raises `LinkError` where no autopilot answers."""
+    address = line.parsed(where.address)
+    opened = line.MavlinkLine(address)
+    try:
+        return settings.read(opened, address)
+    finally:
+        opened.close()
+
+
+def arming_checks(
+    model: Vehicle, found: settings.Settings, where: offboard.Where, *, arms: bool
+) -> tuple[ArmingCheck, ...]:
+    """Every condition of its parameters, for this vehicle file."""
+    weight_n, has_origin = model.mass_kg * model.gravity_m_s2, line.parsed(where.address).origin is not None
+    return checks.checks(found, weight_n=weight_n, thrust=_thrust(model, found), arms=arms, origin=has_origin)
+
+
+def _thrust(model: Vehicle, found: settings.Settings) -> thrust.AutopilotThrust:
+    return thrust.of(found.flavour, found.parameters, offboard.thrust_map(model, idle=IDLE))
 
 
 def _hints(found: settings.Settings, *, arms: bool) -> Hints:

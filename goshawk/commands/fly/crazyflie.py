@@ -17,12 +17,14 @@ _PLACES = ((1, -1), (-1, -1), (-1, 1), (1, 1))
 
 
 def fly(
-    model: Vehicle, item: TrajectoryFile, address: str, *, arms: bool, progress: Progress, cancel: Callable[[], bool]
-) -> tuple[FlightLog, str]:
+    model: Vehicle, item: TrajectoryFile, address: str, *, arms: bool, progress: Progress, cancel: Callable[[], bool],
+    stop: Callable[[], bool] = lambda: False, told: Callable[[flight.Seen], None] = lambda _: None,
+) -> tuple[FlightLog, str]:  # fmt: skip
     """Refit the plan, upload it, and fly it.
 
     Args:
         arms: ask it to arm, where it does not by itself.
+        stop, told: as `process.fly` takes them.
 
     Returns:
         The log, and why the flight ended early: empty if it did not.
@@ -40,7 +42,7 @@ def fly(
     poly4d.require_near(held)
     progress(flight.ALONE, 0.0)
     order = process.Order(address, refitted, arms, _motor_of_rotor(model))
-    log, early = process.fly(order, progress=progress, cancel=cancel)
+    log, early = process.fly(order, progress=progress, cancel=cancel, stop=stop, told=told)
     told = {"failsafe": flight.ALONE, "pieces": str(len(refitted.durations_s)), "refit_m": f"{held.largest_m:.4f}"}
     return replace(log, metadata={**log.metadata, **told}), early
 

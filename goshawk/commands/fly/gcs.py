@@ -80,6 +80,7 @@ def command(
     project = project or _last(remembered)
     check_for_station(project)
     from gcs_web import GroundStation
+    from goshawk.commands.fly import others
     from goshawk.station_jobs import KINDS, simulate
 
     options, wanted = console.body_options(radius_m, margin_m), queue.SimpleQueue[Path]()
@@ -101,6 +102,7 @@ def command(
                 browsers=browsers,
                 on_open=wanted.put,
                 opened_before=partial(recent.listed, remembered),
+                foreign=others.flyer,
             )
 
     station = opened(project, port=port, browsers=())

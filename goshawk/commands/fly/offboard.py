@@ -12,11 +12,12 @@ import numpy as np
 
 import vehicle
 from firmware_bridge import controller
-from firmware_bridge.arming import required
+from firmware_bridge.arming import ArmingCheck, required
 from firmware_bridge.betaflight_sitl.body import ADDRESS, SETTINGS, Body
 from firmware_bridge.offboard import byte_line, checks, settings
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.messages import Setup
+from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.procedure import Flight
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, through
@@ -35,6 +36,7 @@ QUADX = ((-1, -1), (1, -1), (-1, 1), (1, 1))
 """Signs of x and y of motors 1 to 4."""
 QUADX_SPIN = (-1.0, 1.0, 1.0, -1.0)
 PATIENCE_S = 600.0
+NewTracker = Callable[[controller.Configuration, Poses], Tracker]
 RESTART_S = 3.0
 """A flight controller that leaves its command line starts anew; what waits for it after that waits by itself."""
 SAG = "battery_sag"
@@ -160,11 +162,12 @@ def require_followable(
 
 def fly(
     model: Vehicle, item: TrajectoryFile, where: Where, *, progress: Progress, cancel: Callable[[], bool],
-    restarted: Callable[[], object] = lambda: time.sleep(RESTART_S),
+    restarted: Callable[[], object] = lambda: time.sleep(RESTART_S), tracker: NewTracker = Tracker,
 ) -> tuple[FlightLog, str]:  # fmt: skip
     """Read the settings back, check them and the plan, and fly it.
 
     Args:
+        tracker: what follows the plan.
         restarted: waits until the firmware has started again after its command line.
 
     Returns:
@@ -174,15 +177,9 @@ def fly(
         InputError: the plan cannot be followed.
         LinkError: a setting is wrong, nothing answers, or it does not arm.
     """
-    line = byte_line.connect(where.address)
-    try:
-        found = settings.read(line)
-    finally:
-        line.close()
-    idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
-    profile, thrust = RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
-    sinks_us = failsafe_us(model, profile, thrust)
-    required((checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)))
+    found = read(where)
+    profile, thrust = _as_set(model, found)
+    required(arming_checks(model, found))
     require_followable(model, item.trajectory, profile.largest_rad_s, (thrust.force_n(0.0), thrust.force_n(1.0)))
     configuration = controller.parameters_of(many_rotors.as_four(model))
     arm = checks.arm_mode(found)
@@ -195,10 +192,30 @@ def fly(
     )  # fmt: skip
     with GuardProcess(setup.to_json()) as guard:
         flight = Flight(
-            guard, lambda poses: Tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            guard, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=motor_of_rotor(model),
         )  # fmt: skip
         return flight.fly(), flight.ended_early
+
+
+def read(where: Where) -> settings.Settings:
+    """Its settings, by its command line, after which it starts anew. Raises `LinkError` where nothing answers."""
+    line = byte_line.connect(where.address)
+    try:
+        return settings.read(line)
+    finally:
+        line.close()
+
+
+def arming_checks(model: Vehicle, found: settings.Settings) -> tuple[ArmingCheck, ...]:
+    """Every condition of its settings, for this vehicle file."""
+    sinks_us = failsafe_us(model, *_as_set(model, found))
+    return checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)
+
+
+def _as_set(model: Vehicle, found: settings.Settings) -> tuple[RateProfile, ThrustMap]:
+    idle = found.number("motor_idle", 1e4 * IDLE) / 1e4
+    return RateProfile.of_settings(found.values), thrust_map(model, idle=idle)
 
 
 def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehicle | None = None) -> Body:

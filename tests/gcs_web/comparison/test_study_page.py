@@ -72,6 +72,41 @@ def test_a_vibration_stands_in_the_spectrum_at_its_frequency(page):
     assert picture.evaluate("img => img.decode().then(() => img.naturalWidth)") > 300
 
 
+def test_a_spectrogram_is_a_picture_over_time_and_frequency(page):
+    choose(page, "position_x")  # no more
+    choose(page, "rate_x")
+    page.get_by_role("group", name=KINDS).get_by_role("button", name="Spectrogram").click()
+    picture = page.get_by_role("img", name=re.compile("^Spectrogram of.*Body rate x: frequency, Hz against Time, s"))
+    picture.wait_for()
+    assert "data:image/png" in picture.evaluate("img => decodeURIComponent(img.src)")
+
+
+def test_a_formula_is_drawn_refused_in_words_and_brought_back_by_the_link(page):
+    choose(page, "formula")
+    box = page.get_by_role("textbox", name="Formula of the log's columns")
+    box.fill("__import__('os')")
+    page.keyboard.press("Enter")
+    page.get_by_role("alert").get_by_text(re.compile("may stand in it|the functions are")).wait_for()
+    box.fill("hypot(position_world_x_m, position_world_y_m)")
+    page.keyboard.press("Enter")
+    plot = page.get_by_role("img", name="hypot(position_world_x_m, position_world_y_m) over time")
+    plot.wait_for()
+    wait(lambda: "formula" in page.evaluate("location.hash"), "the address")
+    page.reload()
+    plot.wait_for()
+
+
+def test_a_flight_has_a_note_and_a_name_that_people_gave_it(page, station):
+    page.get_by_role("textbox", name="Note").fill("gusts <b>from</b> the door")
+    page.get_by_role("textbox", name="Name").fill("windy")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name=re.compile("^windy"), pressed=True).wait_for()
+    (card,) = (each for each in station.desk.flights.listed() if each.name == "windy")
+    assert card.note == "gusts <b>from</b> the door"
+    old = ({"a", "b"} - {each.name for each in station.desk.flights.listed()}).pop()
+    station.desk.flights.rename("windy", old)
+
+
 def test_two_streams_stand_against_each_other_and_a_link_brings_them_back(page, station):
     page.get_by_role("group", name=KINDS).get_by_role("button", name="x-y").click()
     page.get_by_label("Stream along x").select_option("position_x")

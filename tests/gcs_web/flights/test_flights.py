@@ -216,6 +216,24 @@ def test_what_a_flight_is_for_outlives_the_station(opened, listing):
         made.set_role("c", "learn")
 
 
+def test_a_name_and_a_note_are_kept_in_the_project_and_a_taken_name_is_refused(opened, listing):
+    made, _ = listing
+    for name in ("a", "b"):
+        flight_log.save(opened.flight(name), flown())
+    made.set_role("a", "hold_out")
+    made.set_note("a", "gusts <b>from</b> the door")
+    for wrong in ("b", "", "../c"):
+        with pytest.raises(InputError):
+            made.rename("a", wrong)
+    assert made.rename("a", " windy ") == "windy"
+    made.set_note("b", "")
+    again = {card.name: card for card in Flights(opened, lambda _: None).listed()}
+    assert (again["windy"].note, again["windy"].role) == ("gusts <b>from</b> the door", "hold_out")
+    assert again.keys() == {"windy", "b"}
+    assert again["b"].note == ""
+    flight_log.load(opened.flight("windy"))
+
+
 def test_fixes_go_into_a_new_log_as_the_verb_makes_it_and_can_be_taken_back(opened, listing, tmp_path):
     made, _ = listing
     flight_log.save(opened.flight("jump"), flown(position_jump=True))

@@ -138,3 +138,48 @@ def test_a_stretch_without_length_is_refused(mixed, stretch):
     for ask in (recorded.samples, recorded.stretches):
         with pytest.raises(InputError, match="has no length"):
             ask("a", ["battery"], *stretch)
+
+
+def test_a_spectrogram_shows_when_a_tone_sounds_and_reaches_over_no_pause():
+    time_s = np.arange(6000) / 200.0
+    values = np.where(time_s < 15.0, np.sin(2 * np.pi * 20.0 * time_s), np.sin(2 * np.pi * 60.0 * time_s))
+    for when in (time_s, np.where(time_s > 28.0, time_s + 9.0, time_s)):
+        found = studies.spectrogram(of(when, values))
+        assert len(found.time_s) <= studies.MOST_COLUMNS
+        assert found.power_db.shape == (len(found.frequency_hz), len(found.time_s))
+        loudest_hz = found.frequency_hz[np.argmax(found.power_db, axis=0)]
+        step_hz = found.frequency_hz[1]
+        early, late = found.time_s < 14.0, (found.time_s > 16.0) & (found.time_s < 28.0)
+        assert np.all(np.abs(loudest_hz[early] - 20.0) <= step_hz)
+        assert np.all(np.abs(loudest_hz[late] - 60.0) <= step_hz)
+        assert np.ptp(found.power_db) <= studies.SPECTROGRAM_DB + 1e-6
+    with pytest.raises(InputError, match="a spectrum needs 64"):
+        studies.spectrogram(of(time_s[:50], values[:50]))
+
+
+def test_parquet_has_the_numbers_of_the_csv():
+    import pyarrow.parquet as pq
+
+    a, b = of(np.arange(100) / 100.0, np.arange(100.0)), of(np.arange(50) / 50.0, np.full(50, 2.5), "tilt")
+    b = Samples(b.key, b.label, b.kind, "°", b.time_s, np.where(np.arange(50) == 7, np.nan, b.values))
+    stretches = [
+        [a, b],
+        [of(a.time_s + 1.0, a.values), b.__class__("tilt", "measured", "measured", "°", b.time_s + 1.0, b.values)],
+    ]
+    rows = list(csv.reader(b"".join(studies.table(stretches, 3.0)).decode().splitlines()))
+    table = pq.read_table(pa_file(b"".join(studies.parquet(stretches, 3.0))))
+    assert table.column_names == rows[0]
+    assert len(table) == len(rows) - 1 == 200
+    for column, name in enumerate(table.column_names):
+        expected = [float(row[column]) if row[column] else None for row in rows[1:]]
+        found = table[name].to_pylist()
+        assert [value is None for value in found] == [value is None for value in expected]
+        np.testing.assert_allclose(
+            [v for v in found if v is not None], [v for v in expected if v is not None], atol=1e-9
+        )
+
+
+def pa_file(content: bytes):
+    import pyarrow as pa
+
+    return pa.BufferReader(content)

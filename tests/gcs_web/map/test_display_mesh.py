@@ -119,6 +119,27 @@ def test_a_mesh_file_is_read_as_it_was_written(tmp_path):
         np.testing.assert_array_equal(again.colours, made.colours)
 
 
+def test_a_texture_gives_the_vertices_their_colours_and_a_missing_one_leaves_them_plain(tmp_path):
+    import trimesh
+    from PIL import Image
+
+    picture = Image.new("RGB", (2, 1), (255, 0, 0))
+    picture.putpixel((1, 0), (0, 0, 255))
+    corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]])
+    uv = np.array([[0.1, 0.5], [0.9, 0.5], [0.9, 0.5]])
+    textured = trimesh.visual.TextureVisuals(uv=uv, image=picture)
+    trimesh.Trimesh(corners, [[0, 1, 2]], visual=textured, process=False).export(tmp_path / "mesh.glb")
+    found = display_mesh.read(tmp_path / "mesh.glb")
+    of_left = found.colours[found.vertices_m[:, 0] < 0.5]
+    of_right = found.colours[found.vertices_m[:, 0] > 0.5]
+    assert (of_left == [255, 0, 0]).all()
+    assert (of_right == [0, 0, 255]).all()
+    bare = trimesh.visual.TextureVisuals(uv=uv)
+    trimesh.Trimesh(corners, [[0, 1, 2]], visual=bare, process=False).export(tmp_path / "bare.glb")
+    plain = display_mesh.read(tmp_path / "bare.glb").colours
+    assert (plain == plain[0, 0]).all()
+
+
 def test_a_corner_is_darker_than_the_middle_of_a_floor():
     floor = trimesh.creation.box(bounds=[[0.0, 0.0, -0.1], [6.0, 6.0, 0.0]])
     walls = [

@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 8;
+export const PROTOCOL = 9;
 
 export interface Abort {
   type: "abort";
@@ -194,6 +194,7 @@ export interface Connect {
   type: "connect";
   serial: number;
   url: string;
+  poses?: string;
 }
 
 export interface ControllerParameter {
@@ -359,6 +360,12 @@ export interface Evidence {
   held_after: number[];
 }
 
+export interface Failsafe {
+  whose: string;
+  when: string;
+  act: string;
+}
+
 export interface Files {
   type: "files";
   trajectories: SavedTrajectory[];
@@ -388,6 +395,7 @@ export interface FlightCard {
   name: string;
   state: "reading" | "ready" | "unreadable";
   role: "learn" | "hold_out" | "leave";
+  note: string;
   sentence: string;
   recorded_at: string;
   vehicle_said: string;
@@ -427,6 +435,13 @@ export interface Follow {
   serial: number;
   view: string;
   following: boolean;
+}
+
+export interface Foreign {
+  firmware: string;
+  failsafes: Failsafe[];
+  can_pause: boolean;
+  kill: string;
 }
 
 export interface ForeseeJob {
@@ -624,6 +639,11 @@ export interface LookAtFlight {
   time_s: number | null;
 }
 
+export interface LookAtVehicle {
+  type: "look_at_vehicle";
+  serial: number;
+}
+
 export interface LookForVehicles {
   type: "look_for_vehicles";
   serial: number;
@@ -684,7 +704,7 @@ export interface MapSection {
 export interface MapShown {
   type: "map_shown";
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes" | "heights")[];
   low_m: [number, number, number];
   high_m: [number, number, number];
   facts: MapFacts;
@@ -788,6 +808,7 @@ export interface OpenFlights {
   type: "open_flights";
   serial: number;
   flights: string[];
+  formulas?: string[];
 }
 
 export interface OpenProject {
@@ -988,6 +1009,15 @@ export interface ReadScatter {
   variable: string;
 }
 
+export interface ReadSpectrogram {
+  type: "read_spectrogram";
+  serial: number;
+  flight: string;
+  stream: string;
+  from_s: number;
+  to_s: number;
+}
+
 export interface ReadSpectrum {
   type: "read_spectrum";
   serial: number;
@@ -1019,6 +1049,13 @@ export interface Redo {
   serial: number;
 }
 
+export interface RenameFlight {
+  type: "rename_flight";
+  serial: number;
+  flight: string;
+  name: string;
+}
+
 export interface Reply {
   type: "reply";
   serial: number;
@@ -1031,6 +1068,7 @@ export interface Reply {
   aligned: Aligned[];
   parts: StreamPart[];
   spectrum: Spectrum | null;
+  spectrogram: Spectrogram | null;
   pairs: Pairs | null;
   scatter: Scatter | null;
   incoming: Incoming | null;
@@ -1173,6 +1211,13 @@ export interface SetGround {
   climb_m_s?: number | null;
 }
 
+export interface SetNote {
+  type: "set_note";
+  serial: number;
+  flight: string;
+  note: string;
+}
+
 export interface SetRole {
   type: "set_role";
   serial: number;
@@ -1237,7 +1282,7 @@ export interface ShowMap {
   type: "show_map";
   serial: number;
   slice: Slice | null;
-  layers: ("mesh" | "cameras" | "points" | "edits" | "axes")[];
+  layers: ("mesh" | "cameras" | "points" | "edits" | "axes" | "heights")[];
 }
 
 export interface ShowMoments {
@@ -1267,6 +1312,14 @@ export interface Snap {
   waypoints: number[];
   to: "grid" | "height" | "clearance";
   by_m: number;
+}
+
+export interface Spectrogram {
+  flight: string;
+  key: string;
+  time_s: number[];
+  frequency_hz: number[];
+  power_db: number[][];
 }
 
 export interface Spectrum {
@@ -1414,6 +1467,7 @@ export interface Vehicle {
   largest_error_m: number | null;
   if_link_lost: LostLinkAct[];
   reason: string;
+  foreign: Foreign | null;
 }
 
 export interface VehicleCommand {
@@ -1456,4 +1510,4 @@ export interface Welcome {
 
 export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
 
-export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrum | ReadStreams | Redo | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;
+export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookAtVehicle | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrogram | ReadSpectrum | ReadStreams | Redo | RenameFlight | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetNote | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

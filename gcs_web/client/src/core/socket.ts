@@ -72,6 +72,7 @@ function refusal(number: number, error: string): Reply {
     vehicles: [],
     invitation: null,
     spectrum: null,
+    spectrogram: null,
     pairs: null,
   };
 }

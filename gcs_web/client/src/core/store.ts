@@ -153,6 +153,12 @@ export const hasVehicle = computed(() => vehicle.value !== null && vehicle.value
 
 export const isArmed = computed(() => hasVehicle.value && vehicle.value?.armed === true);
 
+/** Of a vehicle of other firmware; null for one that our controller flies. */
+export const foreign = computed(() => vehicle.value?.foreign ?? null);
+
+/** Whether it is one that is heard only in flight: its state is as old as the last look at it. */
+export const isOnlyLookedAt = computed(() => foreign.value !== null && vehicle.value?.armed === false);
+
 /** Whether the vehicle holds another trajectory than the plan. */
 export const holdsAnother = computed(() => {
   const held = vehicle.value?.holds_crc32 ?? "";

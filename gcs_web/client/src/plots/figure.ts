@@ -1,6 +1,7 @@
 /** Plots as one SVG text, to look at and to keep: rows of curves on their own axes. */
 
 import { token } from "../core/theme";
+import { darkToYellow } from "./scales";
 
 export interface FigureCurve {
   name: string;
@@ -19,6 +20,16 @@ export interface FigureRow {
   /** Both axes, or only y, by powers of ten. */
   logX?: boolean;
   logY?: boolean;
+  /** In place of curves: values over x and y, in colours between their ends. */
+  heat?: Heat;
+}
+
+export interface Heat {
+  x: readonly number[];
+  y: readonly number[];
+  /** A row over x for each y. */
+  values: readonly (readonly number[])[];
+  unit: string;
 }
 
 export interface Figure {
@@ -44,6 +55,7 @@ export function svgOf({ rows, xTitle, xEnds }: Figure, width: number, height: nu
 
 function rowOf(row: FigureRow, xEnds: Figure["xEnds"], width: number, top: number, row_px: number): string {
   const [left, right, high, low] = [LEFT, width - RIGHT, top + TOP, top + row_px - 2];
+  if (row.heat !== undefined) return heatOf(row.title, row.heat, xEnds ?? endsOf(row.heat.x), left, right, high, low - BOTTOM / 2);
   const xs = row.curves.flatMap(({ x }) => x.filter((value) => row.logX !== true || value > 0));
   const ys = row.curves.flatMap(({ y }) => y.filter((value): value is number => value !== null && (row.logY !== true || value > 0)));
   if (xs.length === 0 || ys.length === 0) return legend(row, left, top);
@@ -54,6 +66,33 @@ function rowOf(row: FigureRow, xEnds: Figure["xEnds"], width: number, top: numbe
   const frame = `<rect x="${left}" y="${high}" width="${right - left}" height="${low - BOTTOM / 2 - high}" fill="none" stroke="${token("line2")}"/>`;
   const inside = row.curves.map((curve) => (curve.dots === true ? dots(curve, x, y) : line(curve, x, y, row)));
   return `${ticks(x0, x1, row.logX === true, right - left).map((at) => xTick(at, x(at), high, low - BOTTOM / 2)).join("")}${ticks(y0, y1, row.logY === true, 2 * (low - high)).map((at) => yTick(at, y(at), left, right)).join("")}${frame}${inside.join("")}${legend(row, left, top)}`;
+}
+
+function heatOf(title: string, { x, y, values, unit }: Heat, [x0, x1]: readonly [number, number], left: number, right: number, high: number, low: number): string {
+  const [sx, sy] = [scale(x0, x1, left, right, false), scale(y[0] ?? 0, y.at(-1) ?? 1, low, high, false)];
+  const [least, most] = endsOf(values.map((each) => endsOf(each)).flat());
+  const [from, to] = [sx(x[0] ?? x0), sx(x.at(-1) ?? x1)];
+  const picture = `<image x="${px(from)}" y="${px(high)}" width="${px(to - from)}" height="${px(low - high)}" preserveAspectRatio="none" href="${heatImage(values, least, most)}"/>`;
+  const ends = `${words(Math.round(least))} to ${words(Math.round(most))} ${unit}, dark to yellow`;
+  const frame = `<rect x="${left}" y="${high}" width="${right - left}" height="${low - high}" fill="none" stroke="${token("line2")}"/>`;
+  return `${picture}${ticks(x0, x1, false, right - left).map((at) => xTick(at, sx(at), low, low)).join("")}${ticks(y[0] ?? 0, y.at(-1) ?? 1, false, 2 * (low - high)).map((at) => yTick(at, sy(at), left, left)).join("")}${frame}<text x="${left}" y="${px(high - 8)}" fill="${token("text1")}"><tspan font-weight="600">${escaped(title)}</tspan><tspan dx="12" fill="${token("text3")}">${escaped(ends)}</tspan></text>`;
+}
+
+/** A pixel for each value, the first row below. */
+function heatImage(values: Heat["values"], least: number, most: number): string {
+  const canvas = document.createElement("canvas");
+  [canvas.width, canvas.height] = [values[0]?.length ?? 1, values.length];
+  const context = canvas.getContext("2d");
+  if (context === null) return "";
+  const picture = context.createImageData(canvas.width, canvas.height);
+  values.forEach((row, i) => {
+    row.forEach((value, k) => {
+      const share = (value - least) / Math.max(most - least, 1e-9);
+      picture.data.set([...darkToYellow(share), 255], 4 * ((values.length - 1 - i) * canvas.width + k));
+    });
+  });
+  context.putImageData(picture, 0, 0);
+  return canvas.toDataURL();
 }
 
 function endsOf(values: readonly number[]): [number, number] {

@@ -69,3 +69,21 @@ export function clearanceColour(clearance_m: number, required_m: number): string
   const share = Math.min(1, Math.max(0, (clearance_m - required_m) / CLEARANCE_SPAN_M));
   return CLEARANCE[Math.round(share * (CLEARANCE.length - 1))] ?? CLEARANCE[0];
 }
+
+/** All of cividis at a share of 0 to 1: red, green, blue. */
+export function darkToYellow(share: number): [number, number, number] {
+  const at = Math.min(1, Math.max(0, share)) * (DARK_TO_YELLOW.length - 1);
+  const [low, high] = [DARK_TO_YELLOW[Math.floor(at)] ?? [0, 0, 0], DARK_TO_YELLOW[Math.ceil(at)] ?? [0, 0, 0]];
+  const part = at - Math.floor(at);
+  const mix = (i: 0 | 1 | 2): number => Math.round(low[i] + part * (high[i] - low[i]));
+  return [mix(0), mix(1), mix(2)];
+}
+
+const DARK_TO_YELLOW: readonly (readonly [number, number, number])[] = [
+  [0, 34, 78],
+  [53, 69, 108],
+  [102, 105, 112],
+  [148, 142, 119],
+  [200, 184, 102],
+  [254, 232, 56],
+];

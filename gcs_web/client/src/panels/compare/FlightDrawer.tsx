@@ -30,6 +30,7 @@ import {
 import type { AlignBy } from "./flights";
 import { copyLink } from "./link";
 import { FindingMarks, marksPx } from "./FindingMarks";
+import { FORMULA, FormulaForm, writing } from "./Formula";
 import { KindChoice, Study } from "./Studies";
 import { kind } from "./studying";
 import { plotHeight } from "../../plots/plots";
@@ -67,10 +68,11 @@ export function FlightDrawer({ height }: { height?: number }) {
   return (
     <div class="drawer">
       <DrawerHead />
+      <FormulaForm />
       <div class="plots" ref={box} role="group" aria-label="Plots" tabIndex={0} onKeyDown={byKey}>
         {opened.value.length === 0 && <p class="empty">Open a flight to see it over time.</p>}
         {opened.value.length > 0 && rows.length === 0 && kind.value !== "xy" && <p class="empty">Add a stream to see it.</p>}
-        {(kind.value === "xy" || (kind.value === "spectrum" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
+        {(kind.value === "xy" || (kind.value !== "time" && rows.length > 0)) && width.value > 0 && <Study width={width.value} row_px={row_px} />}
         {isOverTime && <FindingMarks width={width.value} margins={margins} />}
         {isOverTime &&
           rows.map((stream, index) => (
@@ -189,11 +191,13 @@ function StreamChoice() {
       aria-label="Add or remove a stream"
       value=""
       onChange={(event) => {
-        toggleStream(event.currentTarget.value);
+        if (event.currentTarget.value === FORMULA) writing.value = true;
+        else toggleStream(event.currentTarget.value);
         event.currentTarget.value = "";
       }}
     >
       <option value="">+ Stream</option>
+      <option value={FORMULA}>Formula ...</option>
       {groups.map(([group, words]) => (
         <optgroup key={group} label={words}>
           {offered.value

@@ -17,6 +17,8 @@ import {
   incoming,
   marks,
   open,
+  renameFlight,
+  setNote,
   setRole,
   splitGaps,
   takeFile,
@@ -131,8 +133,40 @@ function Card({ card }: { card: FlightCard }) {
           )}
         </div>
       )}
+      {card.note !== "" && !isOpen && <p class="quiet flight-note">{card.note}</p>}
+      {isOpen && <Written key={card.name} card={card} />}
       {isOpen && <Findings card={card} />}
     </li>
+  );
+}
+
+/** Its name and what people write about it. */
+function Written({ card }: { card: FlightCard }) {
+  const name = useSignal(card.name);
+  return (
+    <div class="flight-note written">
+      <label>
+        <span class="quiet">Name</span>
+        <input
+          value={name.value}
+          onInput={(event) => (name.value = event.currentTarget.value)}
+          onKeyDown={(event) => event.key === "Enter" && event.currentTarget.blur()}
+          onBlur={() => {
+            if (name.value.trim() !== card.name && name.value.trim() !== "") void renameFlight(card.name, name.value);
+          }}
+        />
+      </label>
+      <label>
+        <span class="quiet">Note</span>
+        <textarea
+          rows={2}
+          maxLength={500}
+          placeholder="What was special about it"
+          value={card.note}
+          onChange={(event) => void setNote(card.name, event.currentTarget.value)}
+        />
+      </label>
+    </div>
   );
 }
 

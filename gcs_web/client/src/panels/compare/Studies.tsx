@@ -7,7 +7,7 @@ import { offered, opened } from "./flights";
 import { KINDS, along, figureOf, kind, saveData, savePlot, studyProblem, xy } from "./studying";
 import type { Kind } from "./studying";
 
-const NAMES: Readonly<Record<Kind, string>> = { time: "Over time", spectrum: "Spectrum", xy: "x-y" };
+const NAMES: Readonly<Record<Kind, string>> = { time: "Over time", spectrum: "Spectrum", spectrogram: "Spectrogram", xy: "x-y" };
 
 export function KindChoice() {
   return (
@@ -54,7 +54,8 @@ function Along({ axis, name }: { axis: 0 | 1; name: string }) {
 export const SAVES: readonly { name: string; words: string; run: () => void }[] = [
   { name: "svg", words: "Plots as SVG", run: () => void savePlot("svg") },
   { name: "png", words: "Plots as PNG", run: () => void savePlot("png") },
-  { name: "csv", words: "Data as CSV", run: saveData },
+  { name: "csv", words: "Data as CSV", run: () => saveData("csv") },
+  { name: "parquet", words: "Data as Parquet", run: () => saveData("parquet") },
 ];
 
 function SaveChoice() {
@@ -101,14 +102,15 @@ export function Study({ width, row_px }: { width: number; row_px: number }) {
           {studyProblem.value}
         </p>
       )}
-      <img
+      {figure.rows.length === 0 && studyProblem.value === "" && <p class="empty">Reading ...</p>}
+      {figure.rows.length > 0 && <img
         key={String(isLight.value)}
         class="study"
         width={width}
         height={height}
         src={asImage(svgOf(figure, width, height))}
         alt={`${NAMES[kind.value]} of ${words} against ${figure.xTitle}${peaks.value}`}
-      />
+      />}
     </>
   );
 }

@@ -117,6 +117,34 @@ export async function setRole(flight: string, role: FlightCard["role"]): Promise
   if (!(await submit({ type: "set_role", flight, role }))) await submit({ type: "list_flights" });
 }
 
+const FORMULA = "formula:";
+/** Those of `streamKeys` that people wrote. */
+const formulas = computed(() => streamKeys.value.filter((key) => key.startsWith(FORMULA)));
+
+/** Draw a formula of the log's columns; why not, where it cannot be. */
+export async function addFormula(text: string): Promise<string> {
+  const key = `${FORMULA}${text.trim().replaceAll("|", "")}`;
+  const flights = open.value.slice(0, 1);
+  if (flights.length === 0) return "Open a flight first.";
+  const { error } = await send({ type: "open_flights", flights, formulas: [key] });
+  if (error === "" && !streamKeys.value.includes(key)) streamKeys.value = [...streamKeys.value, key];
+  return error;
+}
+
+export async function setNote(flight: string, note: string): Promise<void> {
+  await submit({ type: "set_note", flight, note });
+}
+
+/** New names that are on their way: the list has them before the answer comes, and an open flight stays open. */
+const renamed = new Map<string, string>();
+
+export async function renameFlight(flight: string, name: string): Promise<void> {
+  renamed.set(flight, name.trim());
+  const { error } = await send({ type: "rename_flight", flight, name });
+  renamed.delete(flight);
+  if (error !== "") announce(error, "danger");
+}
+
 export function toggleStream(key: string): void {
   const keys = streamKeys.value;
   streamKeys.value = keys.includes(key) ? keys.filter((each) => each !== key) : [...keys, key];
@@ -161,7 +189,8 @@ const isLooking = computed(() => connected.value && step.value === 4);
 effect(() => {
   if (flights.value === null) return;
   const ready = cards.value.filter(({ state }) => state === "ready").map(({ name }) => name);
-  const there = open.peek().filter((name) => cards.value.some((card) => card.name === name));
+  const known = open.peek().map((name) => renamed.get(name) ?? name);
+  const there = known.filter((name) => cards.value.some((card) => card.name === name));
   const first = ready.slice(0, 1);
   const next = there.length > 0 ? there : first;
   if (next.join("\n") !== open.peek().join("\n")) open.value = next;
@@ -172,7 +201,8 @@ effect(() => {
   const names = [...open.value];
   const isNew = comparison.value?.state; // a comparison adds streams
   if (!connected.value || isNew === undefined) return;
-  void send({ type: "open_flights", flights: names }).then((reply) => {
+  const own = [...formulas.value];
+  void send({ type: "open_flights", flights: names, formulas: own }).then((reply) => {
     if (reply.error !== "") announce(reply.error, "danger");
     else if (names.join("\n") === open.peek().join("\n")) {
       batch(() => {

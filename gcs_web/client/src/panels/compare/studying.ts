@@ -3,18 +3,19 @@
 import { computed, effect, signal } from "@preact/signals";
 import { send } from "../../core/socket";
 import { announce, connected, step } from "../../core/store";
-import type { CurvePart, Pairs, Spectrum, Stream } from "../../core/protocol";
+import type { CurvePart, Pairs, Spectrogram, Spectrum, Stream } from "../../core/protocol";
 import { asPng, svgOf } from "../../plots/figure";
 import type { Figure, FigureCurve } from "../../plots/figure";
 import { LETTERS, drawn, moved_s, offered, opened, partKey, parts, shown, streamKeys } from "./flights";
 
-export const KINDS = ["time", "spectrum", "xy"] as const;
+export const KINDS = ["time", "spectrum", "spectrogram", "xy"] as const;
 export type Kind = (typeof KINDS)[number];
 
 export const kind = signal<Kind>("time");
 /** Streams along x and y; empty: the first two that are drawn. */
 export const along = signal<readonly [string, string]>(["", ""]);
 const spectra = signal<ReadonlyMap<string, Spectrum>>(new Map());
+const grams = signal<readonly Spectrogram[]>([]);
 const pairs = signal<readonly Pairs[]>([]);
 /** Why there is nothing to see. */
 export const studyProblem = signal("");
@@ -39,6 +40,7 @@ effect(() => {
     return { name, has: new Set(streams.map(({ key }) => key)), from_s: from_s - by_s, to_s: to_s - by_s };
   });
   if (wanted === "spectrum") void readSpectra(flights, streamKeys.value);
+  else if (wanted === "spectrogram") void readSpectrograms(flights, streamKeys.value);
   else void readPairs(flights, xy.value);
 });
 
@@ -66,6 +68,24 @@ async function readSpectra(flights: readonly Part[], keys: readonly string[]): P
     }
   }
   spectra.value = found;
+  studyProblem.value = problem;
+}
+
+/** Of the first flight: pictures do not lie over each other. */
+async function readSpectrograms(flights: readonly Part[], keys: readonly string[]): Promise<void> {
+  asked += 1;
+  const mine = asked;
+  const found: Spectrogram[] = [];
+  let problem = "";
+  for (const { name, has, from_s, to_s } of flights.slice(0, 1)) {
+    for (const stream of keys.filter((key) => has.has(key))) {
+      const reply = await send({ type: "read_spectrogram", flight: name, stream, from_s, to_s });
+      if (mine !== asked) return;
+      if (reply.spectrogram !== null) found.push(reply.spectrogram);
+      problem ||= reply.error;
+    }
+  }
+  grams.value = found;
   studyProblem.value = problem;
 }
 
@@ -98,6 +118,7 @@ const titled = (name: string, unit: string): string => (unit === "" ? name : `${
 
 export function figureOf(wanted: Kind): Figure {
   if (wanted === "time") return overTime();
+  if (wanted === "spectrogram") return asSpectrograms();
   return wanted === "spectrum" ? asSpectra() : oneAgainstAnother();
 }
 
@@ -145,6 +166,20 @@ function asSpectra(): Figure {
   return { rows, xTitle: "Frequency, Hz" };
 }
 
+function asSpectrograms(): Figure {
+  const by_s = moved_s.value.get(opened.value[0]?.name ?? "") ?? 0;
+  const rows = grams.value.map(({ key, time_s, frequency_hz, power_db }) => {
+    const stream = offered.value.find((each) => each.key === key);
+    const unit = stream === undefined || stream.unit === "" ? "1" : `(${stream.unit})²`;
+    return {
+      title: `${stream?.name ?? key}: frequency, Hz`,
+      curves: [],
+      heat: { x: time_s.map((at) => at + by_s), y: frequency_hz, values: power_db, unit: `dB ${unit}/Hz` },
+    };
+  });
+  return { rows, xTitle: "Time, s", xEnds: shown.value };
+}
+
 function oneAgainstAnother(): Figure {
   const [x, y] = xy.value;
   const curves = pairs.value.map(({ flight, x: xs, y: ys }) => {
@@ -157,7 +192,7 @@ function oneAgainstAnother(): Figure {
 // --- to take away ---
 
 const [WIDTH, ROW, FOOT] = [1200, 220, 34];
-const NAMES: Readonly<Record<Kind, string>> = { time: "plots", spectrum: "spectrum", xy: "x-y" };
+const NAMES: Readonly<Record<Kind, string>> = { time: "plots", spectrum: "spectrum", spectrogram: "spectrogram", xy: "x-y" };
 
 export async function savePlot(as: "svg" | "png"): Promise<void> {
   const figure = figureOf(kind.value);
@@ -180,17 +215,17 @@ function take(what: Blob, name: string): void {
 }
 
 /** Every sample of the streams that are shown, over the shown stretch; a file for each flight. */
-export function saveData(): void {
+export function saveData(as: "csv" | "parquet"): void {
   const [from_s, to_s] = shown.value;
   const seen = kind.value === "xy" ? xy.value.flatMap((stream) => stream ?? []) : drawn.value;
   for (const { name, streams } of opened.value) {
     const by_s = moved_s.value.get(name) ?? 0;
     const keys = seen.map(({ key }) => key).filter((key) => streams.some((stream) => stream.key === key));
     if (keys.length === 0) continue;
-    const words = new URLSearchParams({ flight: name, streams: keys.join("|"), from: String(from_s - by_s), to: String(to_s - by_s) });
+    const words = new URLSearchParams({ flight: name, streams: keys.join("|"), from: String(from_s - by_s), to: String(to_s - by_s), as });
     const link = document.createElement("a");
     link.href = `/data?${words.toString()}`;
-    link.download = `${name}.csv`;
+    link.download = `${name}.${as}`;
     link.click();
   }
 }

@@ -8,8 +8,9 @@ import { Badge } from "../../components/Badge";
 import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
-import { age, number, sentenceCase } from "../../core/format";
-import { errors, files, hasVehicle, holdsAnother, inControl, link, vehicle } from "../../core/store";
+import { age, number, plural, sentenceCase } from "../../core/format";
+import { errors, files, foreign, hasVehicle, holdsAnother, inControl, isArmed, isOnlyLookedAt, link, plan, vehicle, verdict } from "../../core/store";
+import { submit } from "../../core/socket";
 import type { FlightCard, Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
 import { LinkButtons, VehicleButtons } from "../start/Buttons";
@@ -22,6 +23,7 @@ export function Fly() {
       <Now />
       {errors.value.length > 1 && <ErrorPlot />}
       <IfLinkLost />
+      <Failsafes />
       <Landed />
       <BeforeFlight />
       {hasVehicle.value && <Control />}
@@ -53,12 +55,13 @@ function Now() {
       </section>
     );
   }
-  const position = [last.x_m, last.y_m, last.z_m].map((value) => number(value, 2)).join(", ");
   return (
     <section class={`verdict live ${state}`} aria-label="Vehicle">
       <div class="block-head">
         <h2>{title(last)}</h2>
-        {state === "fresh" ? (
+        {isOnlyLookedAt.value && state === "stale" ? (
+          <Badge>Settings {age(age_s)}</Badge>
+        ) : state === "fresh" ? (
           last.armed && <Badge tone="accent">Armed</Badge>
         ) : (
           <Badge tone={state === "lost" ? "danger" : "caution"}>
@@ -72,10 +75,16 @@ function Now() {
         <Figure name="Battery" value={number(last.battery_v, 2)} unit="V" />
       </dl>
       <p class="quiet">
-        <Said text={`At ${position} m${last.reason === "" ? "" : `; last change: ${last.reason}`}`} />
+        <Said text={whereAndWhy(last)} />
       </p>
     </section>
   );
+}
+
+function whereAndWhy({ x_m, y_m, z_m, reason }: VehicleState): string {
+  const place = x_m === null ? "" : `At ${[x_m, y_m, z_m].map((value) => number(value, 2)).join(", ")} m`;
+  if (reason === "") return place || "Heard in flight only.";
+  return place === "" ? `Last: ${reason}` : `${place}; last change: ${reason}`;
 }
 
 function title({ mission, holds, name }: VehicleState): string {
@@ -115,6 +124,33 @@ function IfLinkLost() {
   );
 }
 
+/** Of a vehicle of other firmware: what happens by itself, and whose doing it is. */
+function Failsafes() {
+  const other = foreign.value;
+  if (other === null) return null;
+  return (
+    <section class="block" aria-labelledby="failsafes-title">
+      <h3 id="failsafes-title">Whose failsafe</h3>
+      <dl class="failsafes">
+        {other.failsafes.map(({ whose, when, act }) => (
+          <div key={whose + when}>
+            <dt>{whose}</dt>
+            <dd>
+              <Said text={`If ${when}: ${act}.`} />
+            </dd>
+          </div>
+        ))}
+        <div>
+          <dt>Kill</dt>
+          <dd>
+            <Said text={`${sentenceCase(other.kill)}.`} />
+          </dd>
+        </div>
+      </dl>
+    </section>
+  );
+}
+
 /** After a flight: its error, beside that of the last one of the same trajectory. */
 function Landed() {
   const [newest] = cards.value;
@@ -149,9 +185,13 @@ function Landed() {
 /** The first thing that must hold before the rotors start and does not. */
 const failing = computed(() => vehicle.value?.checks.find(({ passed }) => !passed) ?? null);
 
+/** So many lines are shown; of more those that pass are counted. */
+const MOST_LINES = 10;
+
 function BeforeFlight() {
-  const checks = vehicle.value?.checks ?? [];
-  if (checks.length === 0) return null;
+  const every = vehicle.value?.checks ?? [];
+  if (every.length === 0) return null;
+  const checks = every.length > MOST_LINES ? every.filter(({ passed }) => !passed) : every;
   return (
     <section class="block" aria-labelledby="before-title">
       <div class="block-head">
@@ -174,7 +214,18 @@ function BeforeFlight() {
             </span>
           </li>
         ))}
+        {checks.length < every.length && (
+          <li>
+            <Icon name="check" />
+            <span>{plural(every.length - checks.length, "setting is", "settings are")} as expected</span>
+          </li>
+        )}
       </ul>
+      {foreign.value !== null && (
+        <button type="button" class="control" disabled={!mayOrder.value} onClick={() => void submit({ type: "look_at_vehicle" })}>
+          Look again
+        </button>
+      )}
     </section>
   );
 }
@@ -187,7 +238,7 @@ function Orders() {
   return (
     <div class="acts column">
       <Start />
-      {onGround && (
+      {onGround && foreign.value === null && (
         <HoldButton
           act={armed ? "disarm: rotors stop" : "arm only"}
           disabled={!mayOrder.value || (!armed && failing.value !== null)}
@@ -205,6 +256,7 @@ function Start() {
   if (last?.mission.startsWith("paus") === true) {
     return <HoldButton act="resume" primary disabled={!mayOrder.value} onHeld={() => void giveOrder("resume")} />;
   }
+  if (last !== null && last.foreign !== null) return <StartForeign />;
   if (last === null || last.holds_crc32 === "") return <UploadFirst says="The vehicle holds no trajectory." />;
   if (holdsAnother.value) return <UploadFirst says={`The vehicle holds ${last.holds}, not this plan.`} />;
   return (
@@ -214,6 +266,23 @@ function Start() {
       disabled={!mayOrder.value || isUnderWay(last.mission) || failing.value !== null}
       onHeld={() => void giveOrder("start")}
     />
+  );
+}
+
+/** The station flies the plan itself, or hands it over as the flight starts: nothing is uploaded before. */
+function StartForeign() {
+  const isChecked = verdict.value === "checked";
+  const name = plan.value?.name ?? "the plan";
+  return (
+    <>
+      <HoldButton
+        act={`arm and fly ${name}`}
+        primary
+        disabled={!mayOrder.value || !isChecked || isArmed.value || failing.value !== null || link.value.state === "lost"}
+        onHeld={() => void giveOrder("start")}
+      />
+      {!isChecked && <p class="quiet centred">Only a checked plan can be flown.</p>}
+    </>
   );
 }
 

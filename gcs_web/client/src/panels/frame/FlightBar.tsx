@@ -6,7 +6,7 @@ import { Icon } from "../../components/Icon";
 import { Keys } from "../../components/Keys";
 import { number, sentenceCase, span } from "../../core/format";
 import { computed } from "@preact/signals";
-import { connected, controlWords, link, vehicle } from "../../core/store";
+import { connected, controlWords, foreign, link, vehicle } from "../../core/store";
 import type { Vehicle } from "../../core/protocol";
 import { alarms, blocked, muted, unblock } from "../fly/alarm";
 import { giveOrder, kill, mayOrder } from "../fly/orders";
@@ -44,7 +44,7 @@ export function FlightBar() {
       </dl>
       <div class="flight-orders">
         <Sound />
-        <button type="button" class="control tall" disabled={!mayOrder.value} onClick={() => void giveOrder("pause")}>
+        <button type="button" class="control tall" disabled={!mayOrder.value || foreign.value?.can_pause === false} title={noPause.value} onClick={() => void giveOrder("pause")}>
           Pause <Keys of="p" />
         </button>
         <button type="button" class="control tall" disabled={!mayOrder.value} onClick={() => void giveOrder("land")}>
@@ -61,6 +61,8 @@ const holderWords = computed(() => {
   if (!connected.value) return "";
   return controlWords.value || "Nobody is in control";
 });
+
+const noPause = computed(() => (foreign.value?.can_pause === false ? "This firmware cannot pause: Land ends the flight" : ""));
 
 function Sound() {
   return (

@@ -11,6 +11,7 @@ import {
   connection,
   files,
   holdsAnother,
+  isOnlyLookedAt,
   link,
   plan,
   projectsOpen,
@@ -127,6 +128,7 @@ function vehicleState(armed: boolean, mission: string): string[] {
 
 function Holds() {
   const held = vehicle.value;
+  if (held !== null && held.foreign !== null) return <Fact name="Firmware" value={held.foreign.firmware} kind="gives-way" />;
   if (held === null || held.holds_crc32 === "") return <Fact name="Holds" value="no trajectory" />;
   const isPlan = plan.value !== null && !holdsAnother.value;
   const value = isPlan ? `${held.holds} = plan, ${checksum(held.holds_crc32)}` : `${held.holds}, not this plan`;
@@ -136,6 +138,7 @@ function Holds() {
 function LinkFact() {
   const { state, age_s } = link.value;
   if (state === "lost") return <Fact name="Link" value={`link lost, last ${age(age_s)}`} kind="danger-text" />;
+  if (state === "stale" && isOnlyLookedAt.value) return <Fact name="Settings" value={age(age_s)} />;
   if (state === "stale") return <Fact name="Link" value={age(age_s)} kind="caution-text" />;
   return <Fact name="Link" value="fresh" />;
 }

@@ -162,7 +162,8 @@ const LAYERS: readonly { key: Layer; name: string; title?: string }[] = [
   { key: "edits", name: "Edits" },
   { key: "cameras", name: "Cameras" },
   { key: "points", name: "Points" },
-  { key: "axes", name: "Axes", title: "1 m each: x red, y green, z blue" },
+  { key: "axes", name: "Axes", title: "1 m each: x red, y green, z blue; metres along the floor" },
+  { key: "heights", name: "Heights", title: "The mesh in colours of height: grey is low, yellow is high" },
 ];
 
 export function Layers() {

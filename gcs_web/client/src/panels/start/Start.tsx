@@ -9,7 +9,7 @@ import { connected, files, flights, hasVehicle, jobs, link, model, projectsOpen,
 import type { FoundVehicle } from "../../core/protocol";
 import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
 import { FlightButtons, LinkButtons, MapButtons, VehicleButtons } from "./Buttons";
-import { address, addressOpen, connectTo, takeAny } from "./fill";
+import { address, addressOpen, connectTo, needsPoses, poses, takeAny } from "./fill";
 
 export function Start() {
   return (
@@ -193,7 +193,18 @@ function AddressForm() {
             onInput={(event) => (address.value = event.currentTarget.value)}
           />
         </span>
+        <p class="quiet">
+          <code>udp://</code> for our controller; <code>betaflight:tcp://</code>, <code>mavlink:udp://</code> or <code>crazyflie:udp://</code> for others.
+        </p>
       </div>
+      {needsPoses.value && (
+        <div class="field long">
+          <label for="vehicle-poses">Its poses arrive at (TUM lines)</label>
+          <span class="field-box">
+            <input id="vehicle-poses" value={poses.value} onInput={(event) => (poses.value = event.currentTarget.value)} />
+          </span>
+        </div>
+      )}
       <button
         type="button"
         class="control"

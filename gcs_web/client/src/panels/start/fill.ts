@@ -1,6 +1,6 @@
 /** What fills an empty project: a form that is opened, a file that is chosen or dropped, a vehicle that is connected. */
 
-import { effect, signal } from "@preact/signals";
+import { computed, effect, signal } from "@preact/signals";
 import { sendFile } from "../../core/files";
 import { remembered } from "../../core/remembered";
 import { send, submit } from "../../core/socket";
@@ -17,6 +17,10 @@ const isText = (value: unknown): value is string => typeof value === "string";
 
 /** Of the vehicle that was connected last. */
 export const address = remembered("vehicle", "udp://127.0.0.1:14550", isText);
+/** Where the poses of a vehicle of other firmware arrive. */
+export const poses = remembered("poses", "udp://127.0.0.1:7777", isText);
+/** Whether a vehicle at the address is flown by poses that come beside its own messages. */
+export const needsPoses = computed(() => /^\s*(betaflight|mavlink):/.test(address.value));
 export const addressOpen = signal(false);
 
 /** Show the form of a job where the project is filled. */
@@ -43,7 +47,7 @@ export async function takeAny(file: File): Promise<void> {
 }
 
 export async function connectTo(url: string): Promise<string> {
-  const { error } = await send({ type: "connect", url });
+  const { error } = await send({ type: "connect", url, poses: url !== "" && needsPoses.peek() ? poses.peek() : "" });
   if (error === "") addressOpen.value = false;
   return error;
 }
