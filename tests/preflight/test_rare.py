@@ -24,15 +24,22 @@ def flown(drone, wall_m, *, flights=200, risk=1e-3, uncertainty=AIR, progress=la
     return preflight.fly(preflight.Scenario(drone, SHORT, Wall(0.0), radius_m=-wall_m), asked, progress=progress)
 
 
+def records(drone, wall_m, flights, **options) -> Record:
+    """Of so many counted flights, and no shares of factors, for which many are flown again."""
+    asked = preflight.Options(flights=flights, risk=1e-3, uncertainty=AIR, rate_hz=400, rare=False, **options)
+    scenario = preflight.Scenario(drone, SHORT, Wall(0.0), radius_m=-wall_m)
+    return preflight.study.records(scenario, np.arange(flights), asked)
+
+
 @pytest.fixture(scope="module")
 def counted(drone) -> np.ndarray:
     """Clearance of flights beside a wall of no distance."""
-    return flown(drone, 0.0, flights=400, rare=False, seed=9).record.clearance_m
+    return records(drone, 0.0, 400, seed=9).clearance_m
 
 
 @pytest.fixture(scope="module")
 def found(drone, counted) -> preflight.Result:
-    return flown(drone, -float(np.quantile(counted, 0.02)), threads=1)
+    return flown(drone, -float(np.quantile(counted, 0.02)), threads=1, decide_only=True)
 
 
 def test_a_risk_that_can_be_counted_is_the_same_by_levels(found):
@@ -53,15 +60,15 @@ def test_one_in_a_hundred_and_one_in_a_thousand_are_as_counted(drone):
 
 
 def test_one_and_two_threads_find_the_same_bits(drone, counted, found):
-    again = flown(drone, -float(np.quantile(counted, 0.02)), threads=2)
+    again = flown(drone, -float(np.quantile(counted, 0.02)), threads=2, decide_only=True)
     assert again.lost == found.lost
     assert np.array_equal(again.rare.worst.clearance_m, found.rare.worst.clearance_m)
     assert again.steps == found.steps
 
 
 def test_the_first_level_is_the_flights_that_counting_flies(drone, found, counted):
-    few = flown(drone, -float(np.quantile(counted, 0.02)), rare=False)
-    assert np.array_equal(few.record.clearance_m, found.record.clearance_m)
+    few = records(drone, -float(np.quantile(counted, 0.02)), 200)
+    assert np.array_equal(few.clearance_m, found.record.clearance_m)
 
 
 def test_it_says_where_and_by_how_many_flights_the_rare_ones_are_lost(found):
@@ -77,7 +84,7 @@ def test_it_says_where_and_by_how_many_flights_the_rare_ones_are_lost(found):
 
 
 def test_a_wall_out_of_reach_is_a_go_that_counting_would_need_more_flights_for(drone):
-    found = flown(drone, 3.0, risk=2e-3)
+    found = flown(drone, 3.0, risk=2e-3, decide_only=True)
     assert found.go
     assert not found.rare.risk.reached
     assert found.lost.upper <= 2e-3
@@ -126,7 +133,8 @@ def test_it_says_what_the_levels_do_not_look_for_and_what_counting_shows_of_that
 def test_levels_are_not_flown_where_too_few_come_to_the_end(drone):
     told = []
     blind = replace(EXACT, drop_outs_per_s=10.0, drop_out_s=5.0)
-    found = flown(drone, 3.0, uncertainty=blind, progress=lambda stage, fraction: told.append(stage))
+    told_of = {"progress": lambda stage, fraction: told.append(stage)}
+    found = flown(drone, 3.0, uncertainty=blind, decide_only=True, **told_of)
     assert found.finished < 0.9
     assert not any(stage.startswith("level") for stage in told)
     assert found.rare is None

@@ -22,8 +22,13 @@ def flown(drone, curve, wall_m, *, flights=60, uncertainty=EXACT, risk=0.05, **o
     )
 
 
+def decided(*arguments, **options):
+    """As `flown`, without shares of factors, for which as many are flown again; no more than one batch of flights."""
+    return flown(*arguments, decide_only=True, **options)
+
+
 def test_far_from_the_wall_it_is_a_go_and_through_it_a_no_go(drone, curve):
-    far, through = flown(drone, curve, 1.0), flown(drone, curve, 0.1)
+    far, through = decided(drone, curve, 1.0), decided(drone, curve, 0.1)
     assert far.go
     assert far.touched.count == 0
     assert far.lost.upper == pytest.approx(3.0 / 60, rel=0.1)
@@ -33,7 +38,7 @@ def test_far_from_the_wall_it_is_a_go_and_through_it_a_no_go(drone, curve):
 
 
 def test_a_go_needs_as_many_flights_as_show_it(drone, curve):
-    few = flown(drone, curve, 1.0, flights=50, risk=1e-2)
+    few = decided(drone, curve, 1.0, flights=50, risk=1e-2)
     assert few.touched.count == 0
     assert not few.go
     assert "299" in few.reason()
@@ -42,9 +47,7 @@ def test_a_go_needs_as_many_flights_as_show_it(drone, curve):
 
 def test_a_wider_body_and_a_nearer_wall_never_lower_the_risk(drone, curve):
     loose = replace(EXACT, localization_std_m=0.05)
-    touched = [
-        flown(drone, curve, wall, uncertainty=loose, explain=False).record.touched for wall in (0.32, 0.28, 0.24)
-    ]
+    touched = [decided(drone, curve, wall, uncertainty=loose).record.touched for wall in (0.32, 0.28, 0.24)]
     assert not (touched[0] & ~touched[1]).any()
     assert not (touched[1] & ~touched[2]).any()
     assert touched[2].sum() > touched[0].sum()
@@ -137,7 +140,7 @@ def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(dron
     unsure = replace(EXACT, map_scale_std_ratio=0.05)
     spread_m = []
     for of_map in (True, False):
-        options = preflight.Options(flights=60, uncertainty=replace(unsure, pose_of_map=of_map), explain=False)
+        options = preflight.Options(flights=60, uncertainty=replace(unsure, pose_of_map=of_map), decide_only=True)
         found = preflight.fly(preflight.Scenario(drone, curve, Ahead(4.5), radius_m=0.2, clearance_m=1.0), options)
         spread_m.append(found.record.clearance_m.std())
     assert spread_m[0] == pytest.approx(0.05 * 0.5, rel=0.3)  # metres to the wall
@@ -212,7 +215,7 @@ def test_a_risk_not_shown_after_a_loss_asks_for_as_many_as_would_do_and_another_
 
 
 def test_the_tube_widens_with_its_share_and_holds_its_flights(drone, curve):
-    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=1.0))
+    found = decided(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=1.0))
     tube = found.tube_m()
     assert tube.shape == (3, BINS)
     assert (np.diff(tube, axis=0) >= 0.0).all()
@@ -225,7 +228,8 @@ def test_what_is_narrow_is_found_in_its_segment(drone, curve):
             return np.linalg.norm(np.asarray(points_world_m)[:, :2] - [4.0, 0.4], axis=1)
 
     found = preflight.fly(
-        preflight.Scenario(drone, curve, Post(0.0), radius_m=0.1), preflight.Options(flights=40, uncertainty=EXACT)
+        preflight.Scenario(drone, curve, Post(0.0), radius_m=0.1),
+        preflight.Options(flights=40, uncertainty=EXACT, decide_only=True),
     )
     place = found.place()
     assert place is not None
