@@ -89,7 +89,7 @@ def read(
 
 
 def parts(mesh: ForeignMesh) -> int:
-    """How many there are that lie more than `APART_M` from each other, by their boxes; crumbs do not count."""
+    """How many there are that lie more than `APART_M` from each other, by their boxes; small fragments do not count."""
     from mapping import connected
 
     faces, count = mesh.faces, len(mesh.vertices_world_m)

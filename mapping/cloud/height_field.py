@@ -26,7 +26,7 @@ LARGEST_BYTES = 600_000_000
 CELLS_M = (0.02, 100.0)
 _LEAST_CELLS = 2
 _SCALE, _TIE, _NODATA, _KEYS = 33550, 33922, 42113, 34735
-"""GeoTIFF's tags: size of a pixel, a pixel's place, what stands for no data (GDAL's), and the directory of keys."""
+"""GeoTIFF's tags: size of a pixel, a pixel's place, the value that means no data (GDAL's), and the directory of keys."""
 _MODEL, _RASTER, _GEOGRAPHIC, _POINTS = 1024, 1025, 2, 2
 """GeoTIFF's keys: of a model in degrees, and of pixels that are points."""
 

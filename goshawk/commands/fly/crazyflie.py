@@ -30,7 +30,7 @@ def fly(
         The log, and why the flight ended early: empty if it did not.
 
     Raises:
-        InputError: it has not four rotors, or the plan does not fit into its memory, near enough, or cannot be followed.
+        InputError: it has not four rotors, or the plan does not fit into its memory, near enough, or cannot be flown.
         LinkError: a check failed, nothing answers, or it does not arm.
     """
     if model.rotors != 4:

@@ -26,7 +26,7 @@ def made(frame: str, lean_rad: float = 0.0) -> vehicle.Vehicle:
 
 
 @pytest.mark.parametrize("frame", ["hex", "octo", "y6"])
-def test_four_rotors_stand_in_with_the_same_force_at_the_same_speed_in_flight(frame):
+def test_four_equivalent_rotors_give_the_same_force_at_the_same_speed_in_flight(frame):
     drone = made(frame).with_effect("rotor_drag_speed", drag_kg=1e-4).with_effect("inflow_linear", inflow_kg=2e-4)
     four = many_rotors.as_four(drone)
     rng = np.random.default_rng(1)
