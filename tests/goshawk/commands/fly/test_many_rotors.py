@@ -5,11 +5,17 @@ import pytest
 
 import vehicle
 from firmware_bridge import controller
+from firmware_bridge.autopilot import settings as autopilot_settings
+from firmware_bridge.autopilot.flavour import PX4
+from firmware_bridge.offboard import settings
 from flight import InputError
-from goshawk.commands.fly import crazyflie, many_rotors, offboard
+from goshawk.commands.fly import autopilot, crazyflie, many_rotors, offboard
 from goshawk.commands.preflight import inputs
 from vehicle import Parameter, draft, invert
 from vehicle.draft import Known
+
+
+RATES = {"roll_srate": "100", "pitch_srate": "100", "yaw_srate": "100", "min_check": "1050"}
 
 
 def made(frame: str, lean_rad: float = 0.0) -> vehicle.Vehicle:
@@ -78,6 +84,15 @@ def test_tilted_rotors_have_no_embedded_mixer_and_no_rehearsal():
 def test_a_preflight_of_six_rotors_is_refused_before_anything_is_read():
     with pytest.raises(InputError, match="a preflight flies our controller, whose mixer drives four rotors"):
         inputs.subject(None, None, made("hex"), None)
+
+
+def test_before_arming_six_rotors_are_refused_by_firmware_set_up_for_four():
+    quad = offboard.Where("udp://127.0.0.1:14550", "127.0.0.1", 0, 0.0)
+    told = autopilot_settings.Settings(PX4, 1, {"MPC_THR_HOVER": 0.3}, kind=2)
+    found = [one.name for one in autopilot.arming_checks(made("hex"), told, quad, arms=True) if not one.passed]
+    assert "rotors" in found
+    (mixer,) = [one for one in offboard.arming_checks(made("hex"), settings.Settings(RATES)) if one.name == "mixer"]
+    assert str(mixer) == "mixer: QUADX, the vehicle file has 6 rotors; give the file of this vehicle, or mixer HEX6X"
 
 
 def test_no_crazyflie_has_six_rotors():
