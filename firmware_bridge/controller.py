@@ -221,7 +221,7 @@ def require_four(vehicle: VehicleLike, stage: str = "") -> None:
         whose = f"{stage}, whose" if stage else "the controller's"
         raise InputError(
             f"{whose} mixer drives four rotors along body z; this vehicle "
-            f"has {rotors}: fly it by a firmware that mixes them (goshawk fly PLAN --on ...)"
+            f"has {rotors}: today only PX4 and ArduPilot fly them (goshawk fly PLAN --on mavlink:...)"
         )
 
 

@@ -31,11 +31,28 @@ def shares(vehicle: Vehicle) -> FloatArray:
     return _SHARES[vehicle]
 
 
-def _shares(vehicle: Vehicle) -> FloatArray:
-    speed = np.full((1, vehicle.rotors), 0.5 * vehicle.limits.rotor_speed_max_rad_s)
-    still = np.zeros((1, 3))
+def sideways(vehicle: Vehicle) -> float:
+    """Force across body z that a torque comes with, times the longest arm, over that torque: the worst axis.
+
+    0 for upright rotors; the tangent of the lean for a ring of rotors that lean inwards. Flatness has no place for it:
+    there the attitude comes first, from forces alone, and the torque from the attitude.
+    """
+    if vehicle.axis_body is None:
+        return 0.0
+    force = portable.product(_by_square(vehicle)[:2], shares(vehicle))[:, 1:]
+    arm_m = np.hypot(vehicle.hub_body_m[:, 0], vehicle.hub_body_m[:, 1]).max()
+    return float(arm_m * np.linalg.norm(force, axis=0).max())
+
+
+def _by_square(vehicle: Vehicle) -> FloatArray:
+    """(6, r) force and torque by each squared rotor speed, in air at rest at half the fastest speed."""
+    speed, still = np.full((1, vehicle.rotors), 0.5 * vehicle.limits.rotor_speed_max_rad_s), np.zeros((1, 3))
     slope = dynamics.wrench_jacobian(vehicle, still, still, speed, surroundings=open_air(1, vehicle.rotors))
-    by_square = slope.rotor_speed[0, 2:] / (2.0 * speed)
+    return slope.rotor_speed[0] / (2.0 * speed)
+
+
+def _shares(vehicle: Vehicle) -> FloatArray:
+    by_square = _by_square(vehicle)[2:]
     return portable.product(by_square.T, portable.solve(portable.product(by_square, by_square.T), np.eye(4)))
 
 

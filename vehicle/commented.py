@@ -79,9 +79,9 @@ def text(vehicle: Vehicle, *, schema: str | None = None) -> str:
 
 def _rotors(vehicle: Vehicle) -> list[str]:
     rows = ",\n".join(f"  [{', '.join(f'{v:g}' if v else '0.0' for v in hub)}]" for hub in _floats(vehicle.hub_body_m))
-    places = ", ".join(place(hub) for hub in vehicle.hub_body_m)
+    named = ", ".join(places(vehicle.hub_body_m))
     lines = [
-        f"# Rotors 0 to {vehicle.rotors - 1} ({places}): a log's rotor speeds come in this order.",
+        f"# Rotors 0 to {vehicle.rotors - 1} ({named}): a log's rotor speeds come in this order.",
         "# Position in metres from the centre of mass; spin 1 turns counter-clockwise seen from above, -1 clockwise.",
         "[rotors]",
         f"position_body_m = [\n{rows},\n]",
@@ -95,6 +95,22 @@ def _rotors(vehicle: Vehicle) -> list[str]:
 
 def _floats(array: np.ndarray) -> Sequence[Sequence[float]]:
     return [[float(f"{v:.6g}") for v in row] for row in array]
+
+
+def places(hub_body_m: np.ndarray) -> list[str]:
+    """Of each hub (r, 3) its place; of more than four with the angle clockwise from ahead, one above another told."""
+    if len(hub_body_m) == 4:
+        return [place(hub) for hub in hub_body_m]
+    return [_exact_place(hub, hub_body_m) for hub in hub_body_m]
+
+
+def _exact_place(hub: np.ndarray, hub_body_m: np.ndarray) -> str:
+    words = place(hub)
+    if words != "middle":
+        words += f" {round(float(np.degrees(np.arctan2(-hub[1], hub[0]))), 1) + 0.0:g}°"
+    same = np.hypot(*(hub_body_m[:, :2] - hub[:2]).T) < 1e-3
+    above = hub[2] - float(hub_body_m[same, 2].mean())
+    return words if abs(above) < 1e-6 else f"{words} {'above' if above > 0.0 else 'below'}"
 
 
 def place(hub: np.ndarray) -> str:

@@ -19,6 +19,7 @@ FORMAT = "goshawk-vehicle"
 VERSION = 1
 AXES = "thrust_axis_body"
 """Of the rotors: in a file of tilted ones only."""
+_ROTORS = ("position_body_m", "spin", AXES)
 
 
 def save(path: Path, vehicle: Vehicle) -> None:
@@ -129,6 +130,9 @@ def _from_document(document: dict[str, Any], files: tuple[Path, ...]) -> Vehicle
         raise InputError('the body has no mass_kg; weigh the vehicle and add mass_kg = { value = 0.7, unit = "kg" }')
     complete = body_parameters(**parameters) | parameters
     rotors = _table(document, "rotors")
+    if surplus := sorted(set(rotors) - set(_ROTORS)):
+        way_out = registry.hint(surplus[0], _ROTORS, "goshawk vehicle schema")
+        raise InputError(f"rotors has {', '.join(surplus)}, which is not known; {way_out}")
     hubs = _numbers(rotors, "rotors", "position_body_m", (None, 3))
     effects = _strings(document, "effects")
     for effect, entries in _table(document, "effect", {}).items():

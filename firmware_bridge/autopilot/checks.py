@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator
 
 from firmware_bridge.arming import ArmingCheck
-from firmware_bridge.autopilot.flavour import PX4
+from firmware_bridge.autopilot.flavour import PX4, ROTORS
 from firmware_bridge.autopilot.settings import Settings
 from firmware_bridge.autopilot.thrust import AutopilotThrust
 
@@ -81,6 +81,17 @@ def _station_name(found: Settings) -> str:
 
 def _disarmed(found: Settings) -> ArmingCheck:
     return ArmingCheck("armed", not found.armed, "armed" if found.armed else "disarmed", "disarm it first")
+
+
+def as_many_rotors(found: Settings, rotors: int) -> ArmingCheck:
+    """Whether it mixes as many as the vehicle file has; a MAV_TYPE that tells no number passes."""
+    theirs = ROTORS.get(found.kind, rotors)
+    frame = "CA_ROTOR_COUNT and its rotors" if found.flavour is PX4 else "FRAME_CLASS"
+    return ArmingCheck(
+        "rotors", theirs == rotors,
+        f"the autopilot is a vehicle of {theirs} (MAV_TYPE {found.kind}), the vehicle file has {rotors}",
+        f"give the file of this vehicle, or set {frame}",
+    )  # fmt: skip
 
 
 def _at_most(found: Settings, name: str, most: float) -> ArmingCheck:

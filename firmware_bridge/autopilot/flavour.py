@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 COPTERS = {2, 13, 14, 15, 29, 35}
 """MAV_TYPE of what flies on rotors alone."""
+ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 35: 10}
+"""Of them, how many each has; of 29 any number."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,6 +37,8 @@ class Settings:
     """Its estimator knows where on Earth its local frame begins."""
     stations: frozenset[int] = frozenset()
     """Other systems that send heartbeats to it, or beside it."""
+    kind: int = 0
+    """MAV_TYPE of its heartbeat."""
 
     @property
     def firmware(self) -> str:
@@ -68,7 +70,7 @@ def read(line: MavlinkLine, address: Address, *, patience_s: float = 10.0) -> Se
     while flavour is ARDUPILOT and (left_s := begin_s + _STATIONS_S - time.monotonic()) > 0.0:
         line.receive(left_s)  # a heartbeat of every station
     stations = frozenset(line.stations)
-    return Settings(flavour, system, values, bool(first.base_mode & ARMED), version, origin, stations)
+    return Settings(flavour, system, values, bool(first.base_mode & ARMED), version, origin, stations, first.type)
 
 
 def _first_heartbeat(line: MavlinkLine, patience_s: float) -> tuple[Heartbeat, int]:

@@ -45,6 +45,11 @@ _LOWEST_FAILSAFE_US = 1100
 _HOLDS = re.compile(r"(4\.\d+|2025\.12)\.\d+")
 """Versions whose override goes on with the last pulses when none come any more (betaflight.com, pull request 752)."""
 _SIMULATED = "SITL"
+_MIXERS = {
+    4: ("QUADX", "QUADP", "QUADX_1234", "Y4", "VTAIL4", "ATAIL4"), 6: ("HEX6X", "HEX6", "HEX6H", "Y6"),
+    8: ("OCTOX8", "OCTOFLATX", "OCTOFLATP"),
+}  # fmt: skip
+"""By how many rotors they drive; the first is the usual one."""
 
 
 def by_msp_alone(settings: Settings) -> bool:
@@ -76,6 +81,15 @@ def simulator(settings: Settings) -> ArmingCheck:
     return ArmingCheck(
         "firmware", _SIMULATED in settings.firmware, f"{settings.firmware or 'unknown'}, expected Betaflight's SITL",
         "the Betaflight bridge has flown only the SITL; it arms no real vehicle",
+    )  # fmt: skip
+
+
+def as_many_rotors(settings: Settings, rotors: int) -> ArmingCheck:
+    """Whether the firmware's mixer drives as many as the vehicle file has."""
+    mixer, known = settings.mixer or _MIXERS[4][0], _MIXERS.get(rotors, ())
+    return ArmingCheck(
+        "mixer", mixer in known, f"{mixer}, the vehicle file has {rotors} rotors",
+        f"give the file of this vehicle{f', or mixer {known[0]}' if known else ''}",
     )  # fmt: skip
 
 

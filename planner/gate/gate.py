@@ -145,8 +145,10 @@ def check(
             for segments that both have in common. Everything else is.
 
     Raises:
+        InputError: rotors that lean as `inputs.require_thrust_apart` refuses.
         PlanCancelledError: `stop` was set, from another thread.
     """
+    inputs.require_thrust_apart(vehicle)
     options = (PlanOptions() if options is None else options).sized(vehicle)
     asked = Conditions() if conditions is None else conditions
     finite = _finite(trajectory)

@@ -6,12 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import planner
-from flight import Waypoints
+from flight import InputError, Waypoints
 from planner import PlanOptions
 from planner.gate import gate
 from planner.optimise import airframe
 from planner.optimise.corrections import measured_excess
-from vehicle import Parameter, draft, flatness
+from planner.request import inputs
+from vehicle import Parameter, allocation, draft, flatness
 from vehicle.draft import Known
 
 WAY = Waypoints(np.array([[0, 0, 1.5], [5, 0, 2], [5, 5, 1.5], [0, 5, 2.5]]), np.full(4, np.nan))
@@ -76,3 +77,42 @@ def test_what_the_model_measures_has_a_column_for_each_rotor_of_the_kernel(plann
     found = measured_excess(frame, drone, plan.trajectory, np.array([0]), np.linspace(0.0, 1.0, 5))
     assert found.shape == (1, 5, len(frame.names))
     assert np.isfinite(found).all()
+
+
+def leaning(frame: str, lean_rad: float, way: str):
+    """Rotors that lean inwards, along the ring against their neighbours, or all ahead."""
+    hubs, spin = draft.layout(0.28, frame)
+    outward = hubs * [1.0, 1.0, 0.0] / np.hypot(hubs[:, 0], hubs[:, 1])[:, None]
+    along = np.cross([0.0, 0.0, 1.0], outward) * spin[:, None]
+    towards = {"inwards": -outward, "along the ring": along, "ahead": np.tile([1.0, 0.0, 0.0], (len(hubs), 1))}[way]
+    return made(frame, np.cos(lean_rad) * np.array([0.0, 0.0, 1.0]) + np.sin(lean_rad) * towards)
+
+
+def test_rotors_whose_torque_pushes_sideways_are_refused_by_planner_and_gate(planned, open_sky):
+    inwards = leaning("hex", 0.35, "inwards")
+    with pytest.raises(InputError, match=r"tilted rotors sideways \(0\.36 of torque over arm, at most 0\.02"):
+        planner.plan(WAY, open_sky, inwards)
+    with pytest.raises(InputError, match="tilted rotors sideways"):
+        gate.check(planned[1].trajectory, open_sky, inwards)
+
+
+@pytest.mark.parametrize(("frame", "way", "lean_rad"), [("hex", "along the ring", 0.35), ("octo", "ahead", 0.2)])
+def test_rotors_that_lean_along_the_ring_or_all_ahead_are_admitted(frame, way, lean_rad, open_sky):
+    drone = leaning(frame, lean_rad, way)
+    assert inputs.admitted(WAY, open_sky, drone, None, None, None).vehicle is drone
+    assert allocation.sideways(drone) < 1e-9
+
+
+def test_of_tilted_rotors_that_are_planned_flatness_stays_within_the_gates_tilt(open_sky):
+    drone = leaning("hex", 0.35, "along the ring")
+    plan = planner.plan(WAY, open_sky, drone)
+    assert plan.gate.passed
+    tilt = flatness.state(drone, plan.trajectory, plan.trajectory.sample(0.002)).tilt_rad
+    assert tilt.max() < drone.limits.tilt_rad * 1.0001
+
+
+@pytest.mark.parametrize("frame", ["x", "hex", "octo", "x8"])
+def test_a_ring_that_leans_inwards_pushes_sideways_by_the_tangent_of_its_lean(frame):
+    assert allocation.sideways(made(frame)) == 0.0
+    share = allocation.sideways(leaning(frame, 0.1, "inwards"))
+    assert share == pytest.approx(np.tan(0.1), rel=0.02)

@@ -257,3 +257,28 @@ def test_derivatives_agree_with_differences(drone):
         up, down = (drone.with_value(name, drone.value(name) + sign * small) for sign in (1.0, -1.0))
         slope = (six(air, rate, speed, of=up) - six(air, rate, speed, of=down)) / (2.0 * small)
         np.testing.assert_allclose(found.parameters[:, :, k], slope, rtol=1e-4, atol=1e-6)
+
+
+@pytest.mark.parametrize("frame", layouts.FRAMES)
+def test_a_files_comment_tells_every_rotor_from_the_others(frame):
+    named = commented.places(made(frame).hub_body_m)
+    assert len(set(named)) == len(named)
+    assert f"({', '.join(named)})" in commented.text(made(frame))
+
+
+def test_of_more_than_four_rotors_the_angle_clockwise_from_ahead_is_told():
+    assert commented.places(made("octo").hub_body_m)[:2] == ["front left -22.5°", "front left -67.5°"]
+    assert commented.places(made("y6").hub_body_m)[::3] == ["front left -60° above", "front left -60° below"]
+    assert commented.places(made("x").hub_body_m)[0] == "front left"
+
+
+def test_a_rotor_in_the_middle_is_in_nobodys_wake():
+    ring, spin = draft.layout(0.28, "x")
+    drone = replace(made("x"), hub_body_m=np.vstack([ring, np.zeros(3)]), spin=np.append(spin, 1.0))
+    lossy = drone.with_effect("rotor_interaction", loss_s_m=0.01, gain_s_m=0.01)
+    alone = np.array([0.0, 0.0, 0.0, 0.0, 500.0])
+    force, _ = vehicle.wrench(lossy, np.array([3.0, 1.0, 0.0]), np.zeros(3), alone)
+    np.testing.assert_allclose(force, vehicle.wrench(drone, np.array([3.0, 1.0, 0.0]), np.zeros(3), alone)[0])
+    slope = dynamics.wrench_jacobian(lossy, np.ones((1, 3)), np.zeros((1, 3)), np.full((1, 5), 400.0))
+    assert np.isfinite(slope.rotor_speed).all()
+    assert np.isfinite(slope.velocity).all()

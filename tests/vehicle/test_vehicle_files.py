@@ -89,6 +89,8 @@ def test_an_effect_is_inserted_at_its_stage():
         (('"thrust_bem"', '"thrust_bam"'), "no effect named 'thrust_bam'"),
         (("version = 1", "version = 2"), "update Goshawk"),
         (("speed_m_s = 10.5", "spede_m_s = 10.5"), "unknown limits spede_m_s"),
+        (("spin =", "thrust_axis = [[0, 0, 1]]\nspin ="), "rotors has thrust_axis, .* near it: thrust_axis_body"),
+        (("spin =", "spins = [1]\nspin ="), "rotors has spins, .* near it: spin"),
     ],
 )
 def test_a_wrong_file_is_refused_with_the_reason(tmp_path, change, message):

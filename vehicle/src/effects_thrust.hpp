@@ -159,7 +159,9 @@ template <class T>
 void rotor_interaction(Flow<T>& flow, const T* p) {
     for (int i = 0; i < 4; ++i) {
         const T* r = flow.hub[i];
-        const T behind = -(r[0] * flow.velocity[0] + r[1] * flow.velocity[1]) / sqrt(r[0] * r[0] + r[1] * r[1]);
+        const T square = r[0] * r[0] + r[1] * r[1];
+        if (!(real(square) > 1e-12)) continue;  // in the middle
+        const T behind = -(r[0] * flow.velocity[0] + r[1] * flow.velocity[1]) / sqrt(square);
         flow.thrust[i] *= 1.0 - (real(behind) > 0.0 ? p[0] : p[1]) * behind;
     }
 }

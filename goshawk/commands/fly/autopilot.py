@@ -81,7 +81,8 @@ def arming_checks(
 ) -> tuple[ArmingCheck, ...]:
     """Every condition of its parameters, for this vehicle file."""
     weight_n, has_origin = model.mass_kg * model.gravity_m_s2, line.parsed(where.address).origin is not None
-    return checks.checks(found, weight_n=weight_n, thrust=_thrust(model, found), arms=arms, origin=has_origin)
+    own = checks.checks(found, weight_n=weight_n, thrust=_thrust(model, found), arms=arms, origin=has_origin)
+    return checks.as_many_rotors(found, model.rotors), *own
 
 
 def _thrust(model: Vehicle, found: settings.Settings) -> thrust.AutopilotThrust:

@@ -210,7 +210,8 @@ def read(where: Where) -> settings.Settings:
 def arming_checks(model: Vehicle, found: settings.Settings) -> tuple[ArmingCheck, ...]:
     """Every condition of its settings, for this vehicle file."""
     sinks_us = failsafe_us(model, *_as_set(model, found))
-    return checks.simulator(found), *checks.checks(found, failsafe_us=sinks_us)
+    own = checks.checks(found, failsafe_us=sinks_us)
+    return checks.simulator(found), checks.as_many_rotors(found, model.rotors), *own
 
 
 def _as_set(model: Vehicle, found: settings.Settings) -> tuple[RateProfile, ThrustMap]:

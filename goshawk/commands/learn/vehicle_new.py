@@ -147,7 +147,16 @@ def with_options(
     *,
     firmware: str | None = None,
 ) -> Known:
-    """Options override imported values. `--arm` without `--frame` scales an imported geometry."""
+    """Options override imported values. `--arm` without `--frame` scales an imported geometry.
+
+    Raises:
+        InputError: a value that no vehicle has.
+        click.UsageError: a frame without its arm, or a motor order where imported places stay.
+    """
+    if firmware is not None and known.hub_body_m is not None and (frame is None or arm_m is None):
+        raise click.UsageError(
+            "--motor-order would not change the imported order of the rotors: leave it out, or give --frame and --arm"
+        )
     given = {
         "--mass": mass_kg,
         "--arm": arm_m,

@@ -165,3 +165,18 @@ def test_another_address_is_refused_with_the_form(text):
 def test_until_an_autopilot_has_flown_only_this_machine_is_flown(host):
     with pytest.raises(InputError, match="flown neither PX4 nor ArduPilot"):
         parsed(f"mavlink:udp://{host}:14550")
+
+
+@pytest.mark.parametrize(("kind", "rotors"), [(2, 4), (13, 6), (14, 8)])
+@pytest.mark.parametrize(("name", "way"), [("px4", "set CA_ROTOR_COUNT"), ("ardupilot", "set FRAME_CLASS")])
+def test_the_heartbeat_must_be_of_as_many_rotors_as_the_file_has(kind, rotors, name, way):
+    told = replace(found(name), kind=kind)
+    assert checks.as_many_rotors(told, rotors).passed
+    wrong = checks.as_many_rotors(told, 5)
+    assert not wrong.passed
+    assert f"a vehicle of {rotors} (MAV_TYPE {kind}), the vehicle file has 5" in str(wrong)
+    assert way in str(wrong)
+
+
+def test_a_kind_that_tells_no_number_of_rotors_passes():
+    assert checks.as_many_rotors(replace(found("px4"), kind=29), 6).passed

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from firmware_bridge.arming import required
-from firmware_bridge.offboard.checks import by_msp_alone, checks
+from firmware_bridge.offboard.checks import as_many_rotors, by_msp_alone, checks
 from firmware_bridge.offboard.settings import Mode, Settings
 from flight import LinkError
 
@@ -131,3 +131,12 @@ def test_its_throttle_is_one_that_sinks():
 def test_an_override_that_holds_the_last_sticks_of_a_dead_sender_is_refused(firmware, passes):
     failed = [check.name for check in checks(replace(GOOD, firmware=firmware)) if not check.passed]
     assert failed == ([] if passes else ["override without a sender"])
+
+
+@pytest.mark.parametrize(("mixer", "rotors"), [("QUADX", 4), ("", 4), ("HEX6X", 6), ("OCTOX8", 8)])
+def test_the_mixer_must_drive_as_many_rotors_as_the_file_has(mixer, rotors):
+    told = replace(GOOD, mixer=mixer)
+    required((as_many_rotors(told, rotors),))
+    other = 10 - rotors if rotors != 8 else 6
+    with pytest.raises(LinkError, match=f"not armed. mixer: {mixer or 'QUADX'}, the vehicle file has {other} rotors"):
+        required((as_many_rotors(told, other),))

@@ -43,6 +43,7 @@ class CommandLine:
             "version": "# Betaflight / SITL (SITL) 4.6.0 Jul 1 2025",
             "aux": "aux 0 0 0 1700 2100 0 0\r\naux 1 1 1 900 1300 0 0\r\naux 2 0 0 900 900 0 0",
             "map": "map AETR1234",
+            "mixer": "Mixer: HEX6X",
             "rxrange": "rxrange 0 1000 2000\r\nrxrange 1 1010 2000",
         }[command]
 
@@ -59,9 +60,17 @@ def test_what_the_firmware_has_is_read_and_what_it_has_not_is_absent():
     assert found.modes == (Mode(0, 4, 1700, 2100), Mode(1, 5, 900, 1300))
     assert found.ranges_us == ((1000, 2000), (1010, 2000))
     assert "SITL" in found.firmware
+    assert found.mixer == "HEX6X"
 
 
-@pytest.mark.parametrize("lost", ["get failsafe_delay", "get deadband", "aux", "map", "rxrange", "version"])
+def test_a_firmware_without_the_command_mixer_names_none():
+    def unknown(command: str, answer: str) -> str:
+        return "mixer\r\n###ERROR: UNKNOWN COMMAND: mixer###\r\n# " if command == "mixer" else answer
+
+    assert read(CommandLine(unknown), patience_s=0.2).mixer == ""
+
+
+@pytest.mark.parametrize("lost", ["get failsafe_delay", "get deadband", "aux", "map", "mixer", "rxrange", "version"])
 def test_an_answer_without_an_end_is_an_error(lost):
     def cut(command: str, answer: str) -> str:
         return answer[: len(answer) // 2] if command == lost else answer

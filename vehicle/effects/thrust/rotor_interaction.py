@@ -1,12 +1,19 @@
 """In forward flight the rear rotors work in the wake of the front ones and lose thrust; those in front may gain."""
 
+import numpy as np
+
 from vehicle.effects.base import ADVANCE, Effect, Flow, Spec, Stage, Values, positive
+
+_MIDDLE_M2 = 1e-12
 
 
 def apply(flow: Flow, p: Values) -> None:
     arm = flow.hub_m[:2]
-    distance = (arm * arm).sum(axis=0) ** 0.5
+    square = (arm * arm).sum(axis=0)
+    middle = np.real(square) <= _MIDDLE_M2  # neither behind nor in front
+    distance = np.where(middle, 1.0, square) ** 0.5
     behind = -(arm * flow.velocity_m_s[:2, None]).sum(axis=0) / distance  # m/s, positive for hubs downstream
+    behind = np.where(middle, 0.0, behind)
     flow.thrust_n *= 1.0 - p.loss_s_m * positive(behind) + p.gain_s_m * positive(-behind)
 
 

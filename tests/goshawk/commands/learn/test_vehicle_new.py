@@ -151,6 +151,18 @@ def test_rotors_are_numbered_as_a_firmware_numbers_its_motors(tmp_path):
     assert "not known in the order of px4" in run("vehicle", "new", tmp_path / "y.toml", *wrong, code=2)
 
 
+def test_a_motor_order_beside_imported_places_is_refused_unless_a_frame_is_laid_out(tmp_path):
+    listed = tmp_path / "six.params"
+    places = [f"CA_ROTOR{i}_P{axis}\t{v}" for i, (x, y) in enumerate(((1, 1), (-1, -1), (1, -1), (-1, 1)))
+              for axis, v in (("X", 0.2 * x), ("Y", 0.2 * y))]  # fmt: skip
+    rows = ["CA_ROTOR_COUNT\t4", *places, *[f"CA_ROTOR{i}_KM\t{0.05 if i < 2 else -0.05}" for i in range(4)]]
+    listed.write_text("\n".join(f"1\t1\t{row}\t{6 if 'COUNT' in row else 9}" for row in rows) + "\n")
+    sheet = ("--import", listed, "--mass", 1.6, "--prop-diameter", 0.2, "--motor-order", "ardupilot")
+    said = run("vehicle", "new", tmp_path / "a.toml", *sheet, code=2)
+    assert "--motor-order would not change the imported order" in said
+    assert "ArduPilot's motors" in run("vehicle", "new", tmp_path / "a.toml", *sheet, "--frame", "hex", "--arm", 0.28)
+
+
 @pytest.mark.parametrize("verb", ["sitl", "params"])
 def test_what_flies_the_embedded_mixer_refuses_six_rotors_at_once(tmp_path, verb):
     out = tmp_path / "six.toml"
