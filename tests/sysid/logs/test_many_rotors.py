@@ -88,6 +88,7 @@ def test_the_order_of_six_rotors_that_also_move_beside_the_mixer_is_found_and_me
     found = examine(shown, rate, truth)
     assert found.order == tuple(np.argsort(order))
     assert found.spin == tuple(truth.spin)
+    assert found.order is not None
     assert found.columns == rotor_columns(SPEED, 6)
     repair = Repair("rotor order", found.columns, order=found.order)
     assert words(repair).endswith("as rotors 0 to 5")
@@ -120,7 +121,7 @@ def test_the_spins_of_an_odd_number_of_rotors_are_not_judged(count):
     hex_of = made("hex")
     hub = 0.16 * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
     body = replace(hex_of, hub_body_m=hub, spin=np.where(np.arange(count) % 2, 1.0, -1.0))
-    time_s, step_s = 0.01 * np.arange(1500), 0.01
+    time_s, step_s = 0.01 * np.arange(1500, dtype=np.float64), 0.01
     squares = 500.0**2 + np.cumsum(rng.normal(0.0, 4e3, (1500, count)), axis=0) * 0.3
     squares -= squares.mean(axis=0) - 500.0**2
     torque = np.stack([squares @ hub[:, 1], -squares @ hub[:, 0], -0.02 * squares @ body.spin], axis=1)

@@ -1,6 +1,7 @@
 """Hover commands, a rotor's thrust on a balance and the mass count as measurements, and contradictions are told."""
 
 from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -144,6 +145,6 @@ def test_a_hover_command_is_of_all_rotors_of_the_vehicle(frame):
     mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
     known = draft.Known(name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0)
     body, flight = draft.draft(known), SimpleNamespace(full_throttle_rad_s=1000.0, battery_v=np.array([np.nan]))
-    right = beside([HoverCommand(0.5, 0.01)], [flight], body, (), {})
+    right = beside([HoverCommand(0.5, 0.01)], [cast(Any, flight)], body, (), {})
     assert right.hovers_at(body, None) == pytest.approx(0.5, abs=1e-3)
     assert right.errors(body) == pytest.approx(0.0, abs=1e-3)
