@@ -208,7 +208,7 @@ def _open_curve(vehicle: Vehicle, given: Vehicle, unknowns: Unknowns) -> tuple[s
 
 def _hover_n(vehicle: Vehicle) -> float:
     """Thrust of a rotor in hover."""
-    return vehicle.mass_kg * vehicle.gravity_m_s2 / 4.0
+    return vehicle.mass_kg * vehicle.gravity_m_s2 / vehicle.rotors
 
 
 def _usual_rad_s(flights: Sequence[Flight]) -> float:

@@ -163,9 +163,9 @@ def _source(log: FlightLog, name: str) -> _Source:
         )
     if not log.has(rotors):
         raise InputError(
-            f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model; "
-            "record rotor speed (ESC telemetry), or map motor commands, scaled to 0 to 1, as "
-            f"{full_throttle.RATIOS[0]} to {full_throttle.RATIOS[3]}"
+            f"{name} has no rotor_speed_rad_s and no rotor_speed_command_rad_s: something must drive the model. "
+            "Record rotor speed (ESC telemetry), or map motor commands, scaled to 0 to 1, as "
+            f"{full_throttle.RATIOS[0]} and so on"
         )
     return _Source(name, pose if all(log.has(q) for q in pose) else imu, rotors)
 

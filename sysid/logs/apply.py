@@ -136,7 +136,9 @@ def words(repair: Repair) -> str:
                 ", and turned the shorter piece's attitude back" if any(repair.turn_rad) else ""
             )
         case "rotor order":
-            return f"took columns {list(repair.order)} of rotor speed and command as rotors 0 to 3"
+            return (
+                f"took columns {list(repair.order)} of rotor speed and command as rotors 0 to {len(repair.order) - 1}"
+            )
         case "drop":
             return f"dropped {names}"
         case "flip":

@@ -2,7 +2,7 @@
 
 Throttle steps decide the curve of thrust by command, and with its slope every inertia; rolls and pitches the inertias
 about x and y; yaws the yaw torque over the inertia about z. How well is asked by a regression of what the IMU shows on
-what the four motors were told, through a lag, with the noise made white: no vehicle file, and no order of the rotors,
+what the motors were told, through a lag, with the noise made white: no vehicle file, and no order of the rotors,
 is needed.
 """
 
@@ -23,6 +23,8 @@ STEP_S = 0.05
 commands seemed to explain the IMU however calmly a twin was flown."""
 LAGS_S = (0.02, 0.03, 0.045, 0.065, 0.09, 0.13)
 """Motor lags that are tried."""
+IMU = 4
+"""Columns of the IMU behind those of the motors: force along the thrust, and three rates."""
 ORDER = 4
 """Of the autoregression that makes what is left white."""
 SHORTEST_S = 1.5
@@ -82,7 +84,7 @@ class _Piece:
     """A stretch in the air, in means over `STEP_S`."""
 
     command: FloatArray
-    """(k, 4) shares of the largest."""
+    """(k, r) shares of the largest."""
     shown: FloatArray
     """(k - 1, 4) force along the thrust and angular acceleration, m/s2 and rad/s2."""
 
@@ -139,7 +141,8 @@ def _pieces(log: FlightLog, drive: str) -> list[_Piece]:
     time_s, values = log.time_s[rows], values[rows]
     if len(time_s) < 2:
         return []
-    values[:, :4] /= max(float(values[:, :4].max()), 1e-12)
+    motors = values[:, :-IMU]  # a view
+    motors /= max(float(motors.max()), 1e-12)
     step_s = np.diff(time_s)
     cuts = np.flatnonzero(step_s > np.maximum(5.0 * np.median(step_s), STEP_S)) + 1
     stretches = zip(np.split(time_s, cuts), np.split(values, cuts), strict=True)
@@ -151,8 +154,8 @@ def _piece(time_s: FloatArray, values: FloatArray) -> _Piece:
     area = np.concatenate([np.zeros((1, values.shape[1])), area])
     grid_s = np.arange(time_s[0], time_s[-1], STEP_S)
     means = np.stack([np.diff(np.interp(grid_s, time_s, column)) / STEP_S for column in area.T], axis=1)
-    turning = np.diff(means[:, 5:], axis=0) / STEP_S
-    return _Piece(means[:, :4], np.concatenate([_paired(means[:, 4:5]), turning], axis=1))
+    motors, force, rate = means[:, :-IMU], means[:, -IMU : 1 - IMU], means[:, 1 - IMU :]
+    return _Piece(motors, np.concatenate([_paired(force), np.diff(rate, axis=0) / STEP_S], axis=1))
 
 
 def _paired(values: FloatArray) -> FloatArray:
@@ -172,7 +175,7 @@ def _errors(pieces: Sequence[_Piece], lag_s: float) -> FloatArray:
 
 
 def _lagged(command: FloatArray, lag_s: float) -> FloatArray:
-    """(k, 4) what a first-order lag makes of commands."""
+    """(k, r) what a first-order lag makes of commands."""
     if lag_s == 0.0:
         return command
     kernel = np.exp(-STEP_S / lag_s * np.arange(max(2, round(LAGS_FOLLOWED * lag_s / STEP_S))))

@@ -53,7 +53,7 @@ def lasting(found: Mapping[str, Steady], model: Vehicle) -> Lasting:
     is_off = any(one.shows(SEEN_OFFSET_M) for one in offset)
     rotor = _weak_rotor(weight, offset, model) if weighs and is_off else None
     if rotor is not None:
-        said.append(_rotor_sentence(rotor, weight))
+        said.append(_rotor_sentence(rotor, weight, model))
         changes += _rotor_changes(rotor, weight, model)
         return Lasting(tuple(said), tuple(changes))
     if weighs:
@@ -68,7 +68,7 @@ def lasting(found: Mapping[str, Steady], model: Vehicle) -> Lasting:
 def _weak_rotor(weight: Known, offset: Sequence[Known], model: Vehicle) -> int | None:
     """The rotor whose loss makes both the missing thrust and the torque; None where none does."""
     lost = 1.0 - 1.0 / weight.value
-    if not 0.0 < 4.0 * lost < 1.0:
+    if not 0.0 < model.rotors * lost < 1.0:
         return None
     arms_m = model.hub_body_m - rigid_body(model).centre_of_mass_m
     for i in range(len(arms_m)):
@@ -81,9 +81,9 @@ def _weak_rotor(weight: Known, offset: Sequence[Known], model: Vehicle) -> int |
     return None
 
 
-def _rotor_sentence(rotor: int, weight: Known) -> str:
-    lost = 4.0 * (1.0 - 1.0 / weight.value)
-    half = 4.0 * SIGMA90 * weight.std / weight.value**2
+def _rotor_sentence(rotor: int, weight: Known, model: Vehicle) -> str:
+    lost = model.rotors * (1.0 - 1.0 / weight.value)
+    half = model.rotors * SIGMA90 * weight.std / weight.value**2
     return (
         f"rotor {rotor} gives {lost:.0%} less thrust than the file's (90 %: {lost - half:.1%} to {lost + half:.1%}), "
         "as a nicked propeller does: missing thrust and torque fit it together"
@@ -94,7 +94,7 @@ def _rotor_changes(rotor: int, weight: Known, model: Vehicle) -> list[tuple[str,
     name = f"weak_rotor.loss_{rotor}"
     if "weak_rotor" not in model.effects:
         return []  # `goshawk vehicle effect add` fits it
-    left = (1.0 - model.value(name)) * (1.0 - 4.0 * (1.0 - 1.0 / weight.value))
+    left = (1.0 - model.value(name)) * (1.0 - model.rotors * (1.0 - 1.0 / weight.value))
     return [("the propeller stays", {name: 1.0 - left})]
 
 

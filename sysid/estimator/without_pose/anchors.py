@@ -96,13 +96,14 @@ class Beside:
         """The command at which a vehicle hovers with the battery of a measured one."""
         ratio = np.linspace(0.01, 1.0, 100)
         thrust = np.maximum.accumulate(rotor_thrust_n(vehicle, self.full_rad_s * ratio))
-        answered = float(np.interp(0.25 * vehicle.mass_kg * vehicle.gravity_m_s2, thrust, ratio))
+        answered = float(np.interp(vehicle.mass_kg * vehicle.gravity_m_s2 / vehicle.rotors, thrust, ratio))
         return answered / (_battery_share(hover, vehicle) if hover else 1.0)
 
     def _lift(self, hover: HoverCommand, vehicle: Vehicle) -> float:
         """Acceleration beyond the weight's at a hover command, m/s2."""
         speed = hover.command * self.full_rad_s * _battery_share(hover, vehicle)
-        return 4.0 * float(rotor_thrust_n(vehicle, np.array([speed]))[0]) / vehicle.mass_kg - vehicle.gravity_m_s2
+        thrust_n = vehicle.rotors * float(rotor_thrust_n(vehicle, np.array([speed]))[0])
+        return thrust_n / vehicle.mass_kg - vehicle.gravity_m_s2
 
     def _made(self, vehicle: Vehicle) -> FloatArray:
         """Thrust at the commands of `thrusts` as if the mass were the given one, N."""

@@ -118,7 +118,7 @@ def _axis(row: FloatArray) -> str:
 
 
 def _rotors_agree(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> bool:
-    return rotor_order.examine(log, rate, vehicle).order == rotor_order.AS_GIVEN
+    return rotor_order.examine(log, rate, vehicle).order == tuple(range(vehicle.rotors))
 
 
 def _in_world_axes(motion: Kinematics, gyro: FloatArray, turn_rad: FloatArray) -> bool:

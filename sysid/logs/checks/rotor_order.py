@@ -10,7 +10,7 @@ Roll and pitch come from thrust times arm; yaw from the rotors' drag torque and 
 The last term (Euler's equations), large in loops and rolls, is fitted along: rotors that counteract it would show yaw
 with the opposite sign.
 
-Angular acceleration is regressed on the squares of all four columns, in a band in which rotors cause the turning and do
+Angular acceleration is regressed on the squares of all columns, in a band in which rotors cause the turning and do
 not respond to it; where noise leaves nothing there, with the slower motion, if the rotors explain most of it.
 Each order, and each balanced set of spins, predicts the pattern of the gains. Scales (inertias, coefficients) are free
 but positive, so that place and sign alone decide. A decision needs 5 standard errors; otherwise it is inconclusive.
@@ -50,6 +50,8 @@ SEARCH_WINDOWS = 60
 """Windows on which delays are compared."""
 LEAST_POWER = 1e-6
 """Of the combination of columns that moves least, to that which moves most."""
+WAYS, LEAST_OWN = 4, 0.02
+"""A mixer drives rotors in so many ways; these move by themselves if a fifth has this share of the third's power."""
 NEARLY_BEST = 0.9
 """Delays with this share of what the best one explains must decide alike: an oscillation fits half a period later, too,
 but with the opposite sign."""
@@ -159,6 +161,8 @@ def check(
         rate: time stamps (n,) and body rates (n, 3).
         gyro: whether the log has one; without, an attitude with turned body axes looks like another order.
     """
+    if vehicle.axis_body is not None:
+        return [], ["rotor order and spins: not judged, as the file's rotors are tilted"]
     found = examine(log, rate, vehicle)
     roll, pitch, yaw = (f"{share:.0%}" for share in found.explained)
     what = "rotor speeds" if _measured(found.columns) else "motor commands"
@@ -178,6 +182,9 @@ def check(
             f"turn the sign of {_which(wrong, vehicle)} in the vehicle file, or take the columns of {what} in its order"
         )
         return [error("rotor spin", sentence, f"{fix}; roll and pitch do not show which: fly doublets about them")], []
+    if found.order is None and _mixed(log, rate, found):
+        several = f"rotor order and spins: {vehicle.rotors} rotors that one mixer drives do not show their order"
+        return [], [f"{several}, however they are flown; run them up one by one to see it"]
     if found.order is None:
         shares = f"{what} explain {roll} of roll and {pitch} of pitch acceleration"
         why = shares if found.explained.any() else "there is no motion, or less than 8 s of it without gaps"
@@ -193,6 +200,8 @@ def check(
         if not gyro and _may_be_turned(found, vehicle):
             return [error("rotor order", sentence, f"{fix}, or turn the attitude's body axes about z: see which")], []
         return [error("rotor order", sentence, fix, repair=repair)], []
+    if found.spin is None and vehicle.rotors % 2:
+        return [], [f"spins: not judged, as those of {vehicle.rotors} rotors never balance"]
     if found.spin is None and not _measured(found.columns):
         return [], ["spins: motor commands do not show them; record rotor speed, or look at the vehicle"]
     if found.spin is None:
@@ -227,6 +236,23 @@ def _by_place(log: FlightLog, vehicle: Vehicle, found: Rotors, what: str) -> Fin
     return error(
         "rotor order", sentence, f"take columns {list(order)} of {what} as rotors 0 to {len(order) - 1}", repair=repair
     )
+
+
+def _mixed(log: FlightLog, rate: tuple[FloatArray, FloatArray], found: Rotors) -> bool:
+    """Whether more than four rotors move in the four ways of a mixer alone, so that flying more would not help.
+
+    By the rank of their squares, beside the third of roll, pitch, yaw and thrust, which may be constant; or as clear
+    motion left the order open.
+    """
+    if len(found.columns) <= WAYS:
+        return False
+    if found.explained[:2].min() > CLEAR:
+        return True
+    spectra = _spectra(log, found.columns, rate, BAND_HZ)
+    if spectra is None or not _turns(spectra):
+        return False
+    powers = _powers(spectra)[::-1]
+    return bool(powers[WAYS] < LEAST_OWN * powers[WAYS - 2])
 
 
 def _as_given(vehicle: Vehicle) -> tuple[int, ...]:
@@ -270,13 +296,15 @@ def _may_be_turned(found: Rotors, vehicle: Vehicle) -> bool:
 
 
 def examine(log: FlightLog, rate: tuple[FloatArray, FloatArray], vehicle: Vehicle) -> Rotors:
-    """Order and spin of the rotors of a log, as far as the flight shows them."""
+    """Order and spin of the rotors of a log, as far as the flight shows them: nothing where they are tilted."""
+    if vehicle.axis_body is not None:
+        return Rotors(None, None, np.zeros(3), columns=next(iter(drivers(log)), MEASURED))
     for columns in drivers(log):  # rotor speed may be too slow where commands are not
         spectra = _spectra(log, columns, rate, BAND_HZ)
         if spectra is None:
             continue
         if _measured(columns):
-            return _by_speeds(log, rate, _examined(spectra, vehicle), vehicle)
+            return replace(_by_speeds(log, rate, _examined(spectra, vehicle), vehicle), columns=columns)
         found = _examined(spectra, vehicle)
         sure = found.explained[:2].min() > LEAST_COMMANDED and found.delay_s <= -LEAST_LEAD_S
         return replace(found, order=found.order if sure else None, spin=None, columns=columns)
@@ -332,9 +360,18 @@ def _delays_s() -> FloatArray:
 
 def _excited(spectra: Spectra) -> bool:
     """Whether all columns move, each in its own way, and the body turns."""
+    powers = _powers(spectra)
+    return bool(powers[0] > LEAST_POWER * powers[-1]) and _turns(spectra)
+
+
+def _powers(spectra: Spectra) -> FloatArray:
+    """(r,) of the combinations of columns, from that which moves least to that which moves most."""
     squared = spectra.advanced(0.0)
-    powers = np.linalg.eigvalsh(np.einsum("wfi,wfj->ij", squared.conj(), squared).real)
-    return powers[0] > LEAST_POWER * powers[-1] and bool((np.abs(spectra.turning).sum(axis=(0, 1)) > 0.0).all())
+    return np.asarray(np.linalg.eigvalsh(np.einsum("wfi,wfj->ij", squared.conj(), squared).real), dtype=np.float64)
+
+
+def _turns(spectra: Spectra) -> bool:
+    return bool((np.abs(spectra.turning).sum(axis=(0, 1)) > 0.0).all())
 
 
 def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> tuple[Gains, Gains]:
@@ -371,6 +408,9 @@ def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | Non
 
 
 def _spin(yaw: Gains, order: tuple[int, ...], vehicle: Vehicle) -> tuple[int, ...] | None:
+    """None where no set is clearly better, and of an odd number of rotors, of which none is balanced."""
+    if vehicle.rotors % 2:
+        return None
     place, nothing = np.argsort(order), np.zeros(vehicle.rotors)
 
     def misfit(spin: tuple[int, ...]) -> float:

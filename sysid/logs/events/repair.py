@@ -39,6 +39,6 @@ class Repair:
     """Of `turn`, that takes what is logged to what is right in world axes; of `turn body`, in body axes; of `split`, by
     how much the attitude turned there in world axes."""
     order: tuple[int, ...] = ()
-    """Of `rotor order`: which column becomes rotor 0, 1, 2, 3."""
+    """Of `rotor order`: which column becomes rotor 0, 1, 2 and so on."""
     spans: tuple[Span, ...] = ()
     """Of `blank` and `split`; of `turn`, where it is done: empty for the whole log."""

@@ -13,9 +13,11 @@ from typing import Any
 import numpy as np
 
 from flight import InputError
+from flight.flight_log import MOST_ROTORS
 from sysid.logs.readers.draft_columns import Draft, Guess, by_size
 from sysid.logs.readers.read_bag import FORMAT, KNOWN, VERSION, sampled
 
+NUMBER = {4: "four", 5: "five", 6: "six", 7: "seven", 8: "eight"}
 LOOKED_AT = 400
 """Messages of a topic whose numbers are looked at."""
 _MEASURED_POSE = re.compile(r"mocap|motion_?capture|vicon|vrpn|optitrack|qualisys|ground_?truth")
@@ -89,10 +91,10 @@ def _most(name: str, topics: list[Topic], kind: str) -> Guess | None:
 
 
 def _rotors(quantity: str, topics: list[Topic]) -> Guess | None:
-    """The first list of four numbers whose name says rotors; one that says speed goes first."""
+    """The first list of four to eight numbers whose name says rotors; one that says speed goes first."""
     found = [(True, *joints) for joints in map(_joints, topics) if joints is not None]
     for topic in topics:
-        for paths in _fours(topic):
+        for paths in _lists(topic):
             text = f"{topic.name} {paths[0]}".lower()
             values = topic.numbers(paths)
             if _ROTORS.search(text) and np.nanmax(np.abs(values), initial=0.0) > 1.0:  # else a ratio from 0 to 1
@@ -101,21 +103,25 @@ def _rotors(quantity: str, topics: list[Topic]) -> Guess | None:
         return None
     _, topic, paths, values = max(found, key=lambda one: one[0])
     unit, reason = by_size(quantity, np.abs(values))
-    reasons = [f"by its name, and four numbers: {topic.name}", reason, "in the order of your vehicle's rotors: CHECK"]
+    reasons = [
+        f"by its name, and {NUMBER[len(paths)]} numbers: {topic.name}",
+        reason,
+        "in the order of your vehicle's rotors: CHECK",
+    ]
     entries: dict[str, Any] = {"topic": topic.name, "unit": unit}
     signs = np.sign(np.nanmedian(values, axis=0))
-    if abs(signs.sum()) < 4 and signs.all():
+    if abs(signs.sum()) < len(signs) and signs.all():
         entries["scale"] = signs.tolist()
         reasons.append("speeds bear the sign of their spin, which is taken out")
     return Guess(quantity, paths, entries, reasons)
 
 
 def _joints(topic: Topic) -> tuple[Topic, list[str], np.ndarray] | None:
-    """Speeds of a JointState's four joints whose names say rotors."""
+    """Speeds of a JointState's four to eight joints whose names say rotors."""
     first = topic.messages[0]
     names = [str(name).lower() for name in getattr(first, "name", ())] if topic.kind == JOINTS else []
     paths = [f"velocity[{i}]" for i, name in enumerate(names) if _ROTORS.search(name)]
-    if len(paths) != 4 or len(getattr(first, "velocity", ())) != len(names):
+    if not 4 <= len(paths) <= MOST_ROTORS or len(getattr(first, "velocity", ())) != len(names):
         return None
     return topic, paths, topic.numbers(paths)
 
@@ -135,13 +141,16 @@ def _battery(topics: list[Topic]) -> Guess | None:
     return None
 
 
-def _fours(topic: Topic) -> Iterator[list[str]]:
-    """Paths of every list of four numbers in a topic's messages."""
+def _lists(topic: Topic) -> Iterator[list[str]]:
+    """Paths of every list of four to eight numbers in a topic's messages, less those behind that are always 0."""
     lists: dict[str, list[str]] = {}
     for path, _ in _numbers(topic.messages[0]):
         if "[" in path:
             lists.setdefault(re.sub(r"\[\d+\]", "[]", path), []).append(path)
-    yield from (paths[:4] for paths in lists.values() if 4 <= len(paths) <= 8)
+    for paths in lists.values():
+        if 4 <= len(paths) <= MOST_ROTORS:
+            used = np.flatnonzero(np.nan_to_num(topic.numbers(paths)).any(axis=0))
+            yield paths[: max(4, int(used[-1]) + 1 if len(used) else 0)]
 
 
 def _numbers(message: Any, path: str = "") -> Iterator[tuple[str, float]]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from flight import FlightError, FlightLog, FormatError, InputError, errors, file_format, frames
-from flight.flight_log import COLUMNS
+from flight.flight_log import COLUMNS, MOST_ROTORS, ROTOR_QUANTITIES, columns_of
 from flight.rotations import FloatArray
 from sysid.logs.events import clock
 from sysid.logs.events.event import noted
@@ -196,7 +196,7 @@ def _stream(name: str, entry: dict[str, Any], kind: str, time_s: FloatArray, mes
         values *= UNITS[entry.get("unit", "1")] * np.asarray(entry.get("scale", 1.0), dtype=np.float64)
         if flipped:
             values = frames.flip_attitude(values) if quantity == "q_world_body" else frames.flip_vector(values)
-        columns |= dict(zip(COLUMNS.get(quantity, (quantity,)), values.T, strict=True))
+        columns |= columns_of(quantity, values) if quantity in COLUMNS else {quantity: values[:, 0]}
     return {"time_s": time_s} | columns
 
 
@@ -213,7 +213,8 @@ def _fields(name: str, entry: dict[str, Any], kind: str) -> Iterator[tuple[str, 
         yield "specific_force_body_m_s2", [f"linear_acceleration.{axis}" for axis in XYZ]
     else:
         fields = entry["fields"]
-        if len(fields) != len(COLUMNS.get(name, (name,))):
+        rotors = name in ROTOR_QUANTITIES and 4 < len(fields) <= MOST_ROTORS
+        if len(fields) != len(COLUMNS.get(name, (name,))) and not rotors:
             raise InputError(f"{name} needs {len(COLUMNS.get(name, (name,)))} fields, the map names {len(fields)}")
         yield name, list(fields)
 

@@ -11,10 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from flight import FlightLog, FormatError, frames
+from flight.flight_log import columns_of
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.read_csv import from_roll_pitch_yaw
+from sysid.logs.readers.read_ulog import MAV_TYPES
 from sysid.logs.readers.streams import Stream
 
 STAMP_BYTES = 8
@@ -25,8 +27,10 @@ LAYOUTS = {
     32: ("<I6f", 185),  # LOCAL_POSITION_NED
     105: ("<Q6f", 93),  # HIGHRES_IMU
     26: ("<I6h", 170),  # SCALED_IMU
-    36: ("<I4H", 222),  # SERVO_OUTPUT_RAW
+    0: ("<4xB", 50),  # HEARTBEAT: the vehicle's type
+    36: ("<I8H", 222),  # SERVO_OUTPUT_RAW
     11030: ("<24x4H", 144),  # ESC_TELEMETRY_1_TO_4: the speeds behind voltage, current and total current
+    11031: ("<24x4H", 133),  # ESC_TELEMETRY_5_TO_8
     1: ("<14xH", 124),  # SYS_STATUS: voltage in mV
 }
 
@@ -146,21 +150,30 @@ def _streams(tables: dict[int, FloatArray]) -> Iterator[tuple[str, Stream, str]]
         stream = {"time_s": 1e-3 * tables[30][:, 1], **columns("q_world_body", q)}
         yield "q_world_body", stream, "attitude: ATTITUDE"
     yield from _inertial(tables, late_s)
-    if 11030 in tables:
-        speed = tables[11030][:, 1:5] * RAD_S_PER_RPM
-        stream = {"time_s": tables[11030][:, 0] - late_s, **columns("rotor_speed_rad_s", speed)}
-        yield "rotor_speed_rad_s", stream, "rotor speed: ESC_TELEMETRY_1_TO_4, at the time of reception"
-    if 36 in tables:
-        ratio = np.clip((tables[36][:, 2:6] - 1000.0) / 1000.0, 0.0, 1.0)
-        stream = {f"motor_command_{i}_ratio": ratio[:, i] for i in range(4)}
-        yield (
-            "motor_command",
-            {"time_s": tables[36][:, 0] - late_s, **stream},
-            "motor commands: SERVO_OUTPUT_RAW 1 to 4",
-        )
+    yield from _rotors(tables, late_s)
     if 1 in tables:
         stream = {"time_s": tables[1][:, 0] - late_s, "battery_v": 1e-3 * tables[1][:, 1]}
         yield "battery_v", stream, "battery: SYS_STATUS"
+
+
+def _rotors(tables: dict[int, FloatArray], late_s: float) -> Iterator[tuple[str, Stream, str]]:
+    """Of as many rotors as the heartbeat's type has; four where it does not say, as further outputs may be servos'."""
+    types = tables[0][:, 1].tolist() if 0 in tables else []  # of cameras and gimbals, too
+    count = next((MAV_TYPES[kind] for kind in types if kind in MAV_TYPES), 4)
+    if 11030 in tables and (count == 4 or 11031 in tables):
+        stamp_s, speed = tables[11030][:, 0], tables[11030][:, 1:5]
+        if count > 4:
+            others = tables[11031]
+            more = [np.interp(stamp_s, others[:, 0], column) for column in others[:, 1:5].T]
+            speed = np.column_stack([speed, *more])[:, :count]
+        stream = {"time_s": stamp_s - late_s, **columns_of("rotor_speed_rad_s", speed * RAD_S_PER_RPM)}
+        note = f"rotor speed: ESC_TELEMETRY of {count} rotors, at the time of reception"
+        yield "rotor_speed_rad_s", stream, note
+    if 36 in tables:
+        ratio = np.clip((tables[36][:, 2 : 2 + count] - 1000.0) / 1000.0, 0.0, 1.0)
+        stream = {f"motor_command_{i}_ratio": ratio[:, i] for i in range(count)}
+        note = f"motor commands: SERVO_OUTPUT_RAW 1 to {count}"
+        yield "motor_command", {"time_s": tables[36][:, 0] - late_s, **stream}, note
 
 
 def _inertial(tables: dict[int, FloatArray], late_s: float) -> Iterator[tuple[str, Stream, str]]:

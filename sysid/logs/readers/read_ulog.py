@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,8 @@ PULSES_US = (800.0, 2200.0)
 """Outputs beyond are no pulses: of DShot or of a bus."""
 FULL_PULSES_US = (1000.0, 2000.0)
 """From no to full throttle."""
+MAV_TYPES = {2: 4, 13: 6, 14: 8}
+"""MAVLink's type of a vehicle to its rotors: quadrotor, hexarotor, octorotor."""
 _XYZ = ("xyz[0]", "xyz[1]", "xyz[2]")
 _HEADER_BYTES = 16
 _MESSAGE_TYPES = b"ABCDFILMOPQRS"  # https://docs.px4.io/main/en/dev_log/ulog_file_format
@@ -65,7 +68,7 @@ def read(path: Path) -> FlightLog:
         if name not in topics:
             raise InputError(f"{path} has no {name}; it has {', '.join(sorted(topics)) or 'no messages'}")
     try:
-        streams, events = clock.examined(_streams(topics), not_motion=_COUNTED)
+        streams, events = clock.examined(_streams(topics, ulog.initial_parameters), not_motion=_COUNTED)
     except FlightError as error:
         raise type(error)(f"{path}: {error}") from None
     except KeyError as error:
@@ -125,11 +128,12 @@ def _columns(quantity: str, values: FloatArray) -> dict[str, FloatArray]:
     return columns_of(quantity, values)
 
 
-def _streams(topics: dict[str, Any]) -> dict[str, Stream]:
+def _streams(topics: dict[str, Any], parameters: Mapping[str, float]) -> dict[str, Stream]:
     """Each topic's columns with its own times, in the order of the file."""
+    count = _rotor_count(parameters)
     found = {POSITION: _position(topics[POSITION]), ATTITUDE: _attitude(topics[ATTITUDE])}
-    for part in (_rates, _accelerations, _motors, _battery, _rotor_speeds):
-        name, stream = part(topics)
+    parts = [part(topics) for part in (_rates, _accelerations, _battery, _rotor_speeds)]
+    for name, stream in (*parts, _motors(topics, count)):
         if stream:
             found[name] = found.get(name, {}) | stream
     return found
@@ -202,15 +206,29 @@ def _accelerations(topics: dict[str, Any]) -> Named:
     return _first_of(topics, wanted, "specific_force_body_m_s2")
 
 
-def _motors(topics: dict[str, Any]) -> Named:
-    """Of `actuator_motors`; where it was not logged, as before PX4 1.13, of outputs that are pulses in us."""
+def _rotor_count(parameters: Mapping[str, float]) -> int | None:
+    """As many rotors as the file's parameters say, 4 to 8; None where they do not.
+
+    CA_ROTOR_COUNT is the allocation's since PX4 1.13 (0: not set), MAV_TYPE the MAVLink type that was set before.
+    """
+    count = int(parameters.get("CA_ROTOR_COUNT", 0)) or MAV_TYPES.get(int(parameters.get("MAV_TYPE", 0)), 0)
+    return count if 4 <= count <= MOST_ROTORS else None
+
+
+def _motors(topics: dict[str, Any], count: int | None) -> Named:
+    """Of `actuator_motors`; where it was not logged, as before PX4 1.13, of outputs that are pulses in us.
+
+    Args:
+        count: of rotors; None where parameters do not say: then the first four outputs count, as further ones may be
+            pulses of servos, a gimbal or a camera.
+    """
     if "actuator_motors" in topics:
         data = topics["actuator_motors"]
         return "actuator_motors", {"time_s": _time(data), **_ratios(_motor_values(data, "control"))}
     if "actuator_outputs" not in topics:
         return "", {}
     data = topics["actuator_outputs"]
-    pulse_us = _motor_values(data, "output")
+    pulse_us = _motor_values(data, "output", count or 4)
     on = pulse_us[pulse_us > 0.0]
     if not len(on) or on.min() < PULSES_US[0] or on.max() > PULSES_US[1]:
         return "", {}
@@ -219,15 +237,15 @@ def _motors(topics: dict[str, Any]) -> Named:
     return "actuator_outputs", {"time_s": _time(data), **_ratios(ratio)}
 
 
-def _motor_values(data: dict[str, Any], name: str) -> FloatArray:
-    """(n, r) of motors 1 to 4, and of as many more as ever have a value: PX4 writes NaN or 0 for those it has not."""
+def _motor_values(data: dict[str, Any], name: str, count: int | None = None) -> FloatArray:
+    """(n, r) of so many motors; without `count` of 1 to 4 and as many more as ever have a value, neither NaN nor 0."""
     every = (np.asarray(data.get(f"{name}[{i}]", np.nan), dtype=np.float64) for i in range(MOST_ROTORS))
-    return _used([np.broadcast_to(values, len(data["timestamp"])) for values in every])
+    return _used([np.broadcast_to(values, len(data["timestamp"])) for values in every], count)
 
 
-def _used(each: list[FloatArray]) -> FloatArray:
+def _used(each: list[FloatArray], count: int | None = None) -> FloatArray:
     more = next((i for i in range(4, len(each)) if not np.nan_to_num(each[i]).any()), len(each))
-    return np.stack(each[:more], axis=1)
+    return np.stack(each[: more if count is None else count], axis=1)
 
 
 def _ratios(values: FloatArray) -> Stream:

@@ -49,6 +49,14 @@ def test_a_flight_with_all_three_is_enough_for_each(logs):
     assert all(one.enough for one in found), [one.error for one in found]
 
 
+def test_six_motors_of_which_two_are_told_the_same_as_others_show_what_four_do(logs):
+    log = logs["all"]
+    more = {f"motor_command_{i}_ratio": log.columns[f"motor_command_{i - 4}_ratio"] for i in (4, 5)}
+    six = FlightLog({**log.columns, **more}, log.metadata)
+    assert _errors(six)[1:] == pytest.approx(_errors(log)[1:], rel=0.1)
+    assert _errors(six)[0] < 1.5 * _errors(log)[0]  # in the sum of all, these two count twice
+
+
 def test_manoeuvres_that_were_left_out_are_those_that_lack(logs):
     throttle, rolls, yaws = manoeuvres.found(logs["rolls only"])
     usual = _errors(logs["all"])

@@ -1,13 +1,16 @@
 """Logs of six and eight rotors: columns, readers, order and spins, and a vehicle file with another number."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import sysid
 from flight import FlightLog, InputError, flight_log
 from flight.flight_log import from_vectors, rotor_columns
-from sysid.logs.apply import apply
+from sysid.logs.apply import apply, words
 from sysid.logs.check import check_log
+from sysid.logs.checks import rotor_order
 from sysid.logs.checks.rotor_order import examine
 from sysid.logs.events.repair import Repair
 from sysid.logs.motors.full_throttle import by_limit, ratios
@@ -26,8 +29,14 @@ def made(frame: str):
     )
 
 
-def turning(truth, rng: np.random.Generator) -> FlightLog:
-    """Rolls, pitches and yaws, the rotors sharing what torque it takes."""
+def turning(truth, rng: np.random.Generator, *, own: float = 3e4) -> FlightLog:
+    """Rolls, pitches and yaws, the rotors sharing what torque it takes.
+
+    Args:
+        own: standard deviation of what each rotor's squared speed (rad2/s2) does beside the mixer, which moves no body:
+            no vehicle of ours flew so, it is put in by the test. Without it rotors move in a mixer's four ways alone,
+            and show no order.
+    """
     inertia = np.array([truth.value(f"inertia_{2 * axis}_kg_m2") for axis in "xyz"])
     by_wrench = allocation.shares(truth) if truth.rotors > 4 else None
     assert by_wrench is not None
@@ -35,11 +44,11 @@ def turning(truth, rng: np.random.Generator) -> FlightLog:
     size = np.array([[2.0], [2.0], [0.5]]) * rng.uniform(0.5, 1.0, (3, 3))
     turns, phase = 2.0 * np.pi * rng.uniform(0.5, 3.0, (3, 3)), rng.uniform(0.0, 2.0 * np.pi, (3, 3))
     rate, squared, kept = np.zeros(3), np.full(truth.rotors, 500.0**2), []
-    idle = np.eye(truth.rotors) - by_wrench @ by_square  # what no controller uses moves by itself, as rotors do
+    idle = np.eye(truth.rotors) - by_wrench @ by_square
     for i in range(6000):
         wanted = (size * np.sin(turns * i * step_s + phase)).sum(axis=1)
         demand = by_wrench @ np.r_[truth.mass_kg * 9.81, 20.0 * inertia * (wanted - rate)]
-        demand += idle @ rng.normal(0.0, 3e4, truth.rotors)
+        demand += idle @ rng.normal(0.0, own, truth.rotors)
         squared = squared + (np.clip(demand, 200.0**2, 900.0**2) - squared) * step_s / 0.03
         rate = rate + step_s * ((by_square @ squared)[1:] - np.cross(rate, inertia * rate)) / inertia
         kept.append(np.r_[rate, np.sqrt(squared)])
@@ -71,7 +80,7 @@ def test_other_numbers_of_rotors_are_no_log(count):
 
 
 @pytest.mark.parametrize("order", [(0, 1, 2, 3, 4, 5), (1, 0, 2, 3, 4, 5), (0, 4, 2, 3, 1, 5)])
-def test_the_order_of_six_rotors_is_found_and_mended(order):
+def test_the_order_of_six_rotors_that_also_move_beside_the_mixer_is_found_and_mended(order):
     truth = made("hex")
     log = turning(truth, np.random.default_rng(1))
     shown = with_columns(log, order)
@@ -79,8 +88,60 @@ def test_the_order_of_six_rotors_is_found_and_mended(order):
     found = examine(shown, rate, truth)
     assert found.order == tuple(np.argsort(order))
     assert found.spin == tuple(truth.spin)
-    mended = apply(shown, Repair("rotor order", found.columns, order=found.order))
+    assert found.order is not None
+    assert found.columns == rotor_columns(SPEED, 6)
+    repair = Repair("rotor order", found.columns, order=found.order)
+    assert words(repair).endswith("as rotors 0 to 5")
+    mended = apply(shown, repair)
     np.testing.assert_array_equal(mended.vector(SPEED), log.vector(SPEED))
+
+
+@pytest.mark.parametrize("noise", [True, False])
+def test_six_rotors_that_one_mixer_drives_are_said_to_show_no_order(noise):
+    """By the rank of their squares where speeds are exact, and by clear motion that leaves the order open."""
+    log, truth = turning(made("hex"), np.random.default_rng(1), own=0.0), made("hex")
+    if not noise:
+        squares = log.vector(SPEED) ** 2
+        by_wrench = allocation.shares(truth)
+        exact = np.sqrt(squares @ np.linalg.pinv(by_wrench).T @ by_wrench.T)
+        log = FlightLog({**log.columns, **dict(zip(log.names(SPEED), exact.T, strict=True))}, {})
+    report = check_log(log, truth)
+    assert not any(f.what.startswith("rotor") for f in report.findings)
+    (sentence,) = report.inconclusive
+    assert "6 rotors that one mixer drives do not show their order" in sentence
+    assert len(sentence.split()) <= 30
+    still = FlightLog({**log.columns, **{name: np.full(len(log), 500.0) for name in log.names(SPEED)}}, {})
+    assert "there is no motion" in rotor_order.check(still, (log.time_s, np.zeros((len(log), 3))), truth)[1][0]
+
+
+@pytest.mark.parametrize("count", [5, 7])
+def test_the_spins_of_an_odd_number_of_rotors_are_not_judged(count):
+    rng, noise = np.random.default_rng(5), np.array([0.02, 0.02, 0.02])
+    angle = 2.0 * np.pi * np.arange(count) / count
+    hex_of = made("hex")
+    hub = 0.16 * np.stack([np.cos(angle), np.sin(angle), np.zeros(count)], axis=1)
+    body = replace(hex_of, hub_body_m=hub, spin=np.where(np.arange(count) % 2, 1.0, -1.0))
+    time_s, step_s = 0.01 * np.arange(1500, dtype=np.float64), 0.01
+    squares = 500.0**2 + np.cumsum(rng.normal(0.0, 4e3, (1500, count)), axis=0) * 0.3
+    squares -= squares.mean(axis=0) - 500.0**2
+    torque = np.stack([squares @ hub[:, 1], -squares @ hub[:, 0], -0.02 * squares @ body.spin], axis=1)
+    rate = np.cumsum(torque - torque.mean(axis=0), axis=0) * step_s * 1e-3 + noise * rng.standard_normal((1500, 3))
+    log = from_vectors(time_s, {"rate_body_rad_s": rate, SPEED: np.sqrt(squares)})
+    found = examine(log, (time_s, rate), body)
+    assert found.order == tuple(range(count))
+    assert found.spin is None
+    assert any(f"those of {count} rotors never balance" in sentence for sentence in check_log(log, body).inconclusive)
+
+
+def test_tilted_rotors_are_not_judged():
+    truth = made("hex")
+    log = with_columns(turning(truth, np.random.default_rng(1)), (1, 0, 2, 3, 4, 5))
+    axis = np.tile([0.0, 0.0, 1.0], (6, 1))
+    axis[:, 0] = np.where(np.arange(6) % 2, 0.4, -0.4)
+    tilted = replace(truth, axis_body=axis / np.linalg.norm(axis, axis=1, keepdims=True))
+    report = check_log(log, tilted)
+    assert not any(f.what.startswith("rotor") for f in report.findings)
+    assert "rotor order and spins: not judged, as the file's rotors are tilted" in report.inconclusive
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from flight import FormatError, InputError, file_format
+from flight.flight_log import rotor_columns
 from sysid.logs.readers import draft_topics, read_bag
 from sysid.logs.reading import read_log
 from tests.sysid.logs.readers.test_read_bag import record
@@ -88,6 +89,18 @@ def test_commands_and_speeds_are_told_apart_and_ratios_are_neither(tmp_path):
     assert found["rotor_speed_command_rad_s"] | {"fields": []} == {
         "topic": "/motors/cmd", "unit": "rad/s", "fields": [],
     }  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [4, 6, 8])
+def test_as_many_rotors_are_mapped_and_read_as_have_a_speed(tmp_path, count):
+    speeds = tuple([9000.0 + 100.0 * i for i in range(count)] + [0.0] * (8 - count))
+    path = recorded(tmp_path / "bag", {"/pose": (POSE, (1.0, 2.0, 3.0)), "/motors/rpm": (ARRAY, speeds)})
+    found = entries(path, tmp_path)["quantity"]["rotor_speed_rad_s"]
+    assert found["fields"] == [f"data[{i}]" for i in range(count)]
+    messages = [cast(Any, message(ARRAY, speeds))] * 3
+    stream = read_bag._stream("rotor_speed_rad_s", found, ARRAY, np.arange(3.0), messages)
+    assert list(stream) == ["time_s", *rotor_columns("rotor_speed_rad_s", count)]
+    assert stream[f"rotor_speed_{count - 1}_rad_s"] == pytest.approx(speeds[count - 1] * np.pi / 30.0)
 
 
 def test_a_recording_without_motion_says_what_it_has(tmp_path):

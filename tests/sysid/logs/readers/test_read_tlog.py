@@ -13,16 +13,18 @@ TIME_S = 0.1 * np.arange(200)
 BOOT_S = 1_700_000_000.0
 
 
-def encode(version: int = 2, sender: int = 1) -> bytes:
+def encode(version: int = 2, sender: int = 1, vehicle: int = mavlink.MAV_TYPE_QUADROTOR) -> bytes:
     link = mavlink.MAVLink(None, srcSystem=sender, srcComponent=1)
     out = b""
     for k, t in enumerate(TIME_S):
         ms = 5000 + 100 * k
         messages = [
+            mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GIMBAL, 3, 0, 0, 4, 3),
+            mavlink.MAVLink_heartbeat_message(vehicle, 3, 0, 0, 4, 3),
             mavlink.MAVLink_attitude_message(ms, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6),
             mavlink.MAVLink_local_position_ned_message(ms, np.sin(t), t, -1.0 - t, np.cos(t), 1.0, -1.0),
             mavlink.MAVLink_scaled_imu_message(ms, 0, 0, -1000, 400, 500, 600, 0, 0, 0),
-            mavlink.MAVLink_servo_output_raw_message(1000 * ms, 0, 1500, 1400, 1300, 1200, 0, 0, 0, 0),
+            mavlink.MAVLink_servo_output_raw_message(1000 * ms, 0, 1500, 1400, 1300, 1200, 1600, 1700, 1800, 1900),
             mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 16000, 0, 50, 0, 0, 0, 0, 0, 0),
             mavlink.MAVLink_vfr_hud_message(1.0, 1.0, 3, 4, 5.0, 6.0),
         ]
@@ -30,6 +32,11 @@ def encode(version: int = 2, sender: int = 1) -> bytes:
             messages.append(
                 mavlink.MAVLink_esc_telemetry_1_to_4_message(
                     [20] * 4, [0] * 4, [0] * 4, [0] * 4, [6000, 5000, 4000, 3000], [k] * 4
+                )
+            )
+            messages.append(
+                mavlink.MAVLink_esc_telemetry_5_to_8_message(
+                    [20] * 4, [0] * 4, [0] * 4, [0] * 4, [7000, 8000, 0, 0], [k] * 4
                 )
             )
         for message in messages:
@@ -54,6 +61,21 @@ def test_telemetry_arrives_in_our_frames(tmp_path, version):
     if version == 2:
         assert np.nanmax(log.columns["rotor_speed_1_rad_s"]) == pytest.approx(5000 * np.pi / 30)
     assert "lost" not in log.metadata
+
+
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [(mavlink.MAV_TYPE_QUADROTOR, 4), (mavlink.MAV_TYPE_HEXAROTOR, 6), (mavlink.MAV_TYPE_VTOL_TILTROTOR, 4)],
+)
+def test_the_heartbeat_says_how_many_outputs_are_rotors(tmp_path, kind, count):
+    (tmp_path / "flight.tlog").write_bytes(encode(vehicle=kind))
+    log = read_log(tmp_path / "flight.tlog")
+    commands = np.array([0.5, 0.4, 0.3, 0.2, 0.6, 0.7])[:count]
+    speeds = np.array([6000, 5000, 4000, 3000, 7000, 8000])[:count] * np.pi / 30
+    assert [n for n in log.columns if n.startswith("motor")] == [f"motor_command_{i}_ratio" for i in range(count)]
+    for i in range(count):
+        np.testing.assert_allclose(np.nanmax(log.columns[f"motor_command_{i}_ratio"]), commands[i])
+    np.testing.assert_allclose(np.nanmax(log.vector("rotor_speed_rad_s"), axis=0), speeds)
 
 
 def test_a_second_vehicle_is_left_out(tmp_path):
