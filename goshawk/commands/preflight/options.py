@@ -53,9 +53,7 @@ _OPTIONS = (
         "--localization",
         "localization_std_m",
         type=click.FloatRange(0.0, 1.0),
-        default=_DEFAULT.localization_std_m,
-        show_default=True,
-        help="Standard deviation of the pose in the map, metres.",
+        help="Standard deviation of the pose in the map, metres, each axis [default: 0.02, and what the map states].",
     ),
     click.option(
         "--pose-jump",
@@ -101,7 +99,7 @@ class Asked:
     pose_delay_s: float | None
     drop_outs_per_s: float
     drop_out_s: float
-    localization_std_m: float
+    localization_std_m: float | None
     pose_jump_std_m: float
     pose_outside: bool
     motor_fault_ratio: float
