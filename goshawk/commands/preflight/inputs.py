@@ -13,6 +13,7 @@ import vehicle
 from firmware_bridge import controller, wire
 from firmware_bridge.link import refuse_unfit
 from flight import FloatArray, FormatError, Trajectory, TrajectoryFile
+from goshawk.commands.preflight.like import Like
 from goshawk.terminal import console
 from mapping.map_folder import read_report
 from preflight.draws import LOCALIZATION_STD_M
@@ -55,8 +56,17 @@ class Subject:
         )
 
 
-def subject(item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle, options: preflight.Options) -> Subject:
+def subject(
+    item: TrajectoryFile,
+    area: mapping.Map,
+    believed: vehicle.Vehicle,
+    options: preflight.Options,
+    like: Like | None = None,
+) -> Subject:
     """What is flown, if the trajectory was checked in this map for this vehicle.
+
+    Args:
+        like: what the options have from flights.
 
     Raises:
         InputError: it was not, or the vehicle has other rotors than the controller's mixer.
@@ -68,7 +78,9 @@ def subject(item: TrajectoryFile, area: mapping.Map, believed: vehicle.Vehicle, 
     refuse_unfit(item, area.hash, vehicle.vehicle_hash(believed), False)
     uncertainty = of_map(area, options.uncertainty, item.trajectory)
     sources, said = _localized(options.uncertainty, area, item.trajectory)
-    return Subject(item, area, believed, replace(options, uncertainty=uncertainty), sources, said)
+    like = like or Like()
+    flown = replace(options, uncertainty=uncertainty)
+    return Subject(item, area, believed, flown, {**sources, **like.sources}, (*said, *like.said))
 
 
 def _localized(
