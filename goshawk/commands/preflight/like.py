@@ -15,9 +15,8 @@ from sysid.logs.conditions import Conditions
 from sysid.logs.reading import DRAFTED, read_log
 
 _NO_FLIGHT = preflight.Uncertainty()
-NO_WIND = "wind is not taken from flights: give --wind and --gust-std"
-"""A force that the observer measures is one of the air, of a load or of an attitude that is off: no log tells them apart.
-"""
+NO_WIND = "no wind, give --wind"
+"""The force that an observer measures is of the air, a load, or an attitude that is off: no log tells them apart."""
 _NAMED = 3
 """Flights that are named in a sentence."""
 _DEG = math.degrees(1.0)
@@ -52,9 +51,10 @@ class Like:
             raise InputError(
                 f"{names}: neither a pose nor a gyro of some seconds to take conditions from; leave out --like"
             )
+        of_all = names if len(paths) == 1 else f"{len(paths)} flights"
         told = _told(found, drop_outs_per_s is None, drop_out_s is None)
         return replace(
-            Like(sources=dict.fromkeys(told, names), said=_sentences(found, names, told)),
+            Like(sources=dict.fromkeys(told, names), said=(_sentence(found, of_all, told),)),
             drop_outs_per_s=found.gaps_per_s if "drop_outs_per_s" in told else _NO_FLIGHT.drop_outs_per_s,
             drop_out_s=found.gap_s if "drop_out_s" in told else _NO_FLIGHT.drop_out_s,
             sensors=replace(Sensors.typical(), **_noise(found)),
@@ -85,17 +85,17 @@ def _told(found: Conditions, per_s: bool, length: bool) -> list[str]:
     return [*rate, *(["drop_out_s"] if length and found.gap_s is not None else []), *_noise(found)]
 
 
-def _sentences(found: Conditions, names: str, told: Sequence[str]) -> tuple[str, ...]:
-    """What is taken from the flights, with what they do not tell."""
-    gaps = f"{found.gaps} gaps of the pose in {found.flown_s:.0f} s"
-    if found.gap_s is not None:
-        gaps += f", like {found.gaps_per_s:.2g} a second of {found.gap_s:.2g} s"
+def _sentence(found: Conditions, flights: str, told: Sequence[str]) -> str:
+    """What is taken from the flights, and that the wind is not."""
+    parts: list[str] = []
+    if {"drop_outs_per_s", "drop_out_s"} & set(told):
+        like = "" if found.gap_s is None else f" ({found.gaps_per_s:.2g} a second of {found.gap_s:.2g} s)"
+        parts.append(f"{found.gaps} gaps of the pose in {found.flown_s:.0f} s{like}")
     missing = [word for name, word in zip(NOISE, ("position", "attitude", "gyro"), strict=True) if name not in told]
-    noise = f"noise of at most {noise_words(replace(Sensors.typical(), **_noise(found)))}"
-    noise += f", of {' and '.join(missing)} assumed" if missing else ""
-    said = (f"{names}: {gaps}",) if {"drop_outs_per_s", "drop_out_s"} & set(told) else ()
-    said += (f"{names}: {noise}",) if _noise(found) else ()
-    return (*said, NO_WIND)
+    if _noise(found):
+        assumed = f" ({' and '.join(missing)} assumed)" if missing else ""
+        parts.append(f"noise up to {noise_words(replace(Sensors.typical(), **_noise(found)))}{assumed}")
+    return f"from {flights}: {', '.join(parts)}; {NO_WIND}"
 
 
 def noise_words(sensors: Sensors) -> str:

@@ -51,16 +51,18 @@ def test_a_flight_gives_gaps_and_noise_within_a_fifth(folder):
     assert found.sensors.position_std_m == pytest.approx(0.005, rel=0.2)
     assert found.sensors.rate_std_rad_s == pytest.approx(0.03, rel=0.2)
     assert found.sensors.attitude_std_rad == Like().sensors.attitude_std_rad
-    assert all(len(sentence.split()) <= 30 for sentence in found.said)
+    two = Like.of([folder / "gaps.parquet"] * 2)
+    assert two.said[0].startswith("from 2 flights: 20 gaps")
+    assert all(len(sentence.split()) <= 30 for sentence in found.said + two.said)
 
 
 def test_screen_file_and_page_name_the_flight(folder, tmp_path):
     asked = ("--like", folder / "gaps.parquet", "--report", tmp_path / "page.html", "--out", tmp_path / "found.json")
     ended = flown_ahead(folder, *asked)
     assert ended.returncode in (0, 1), ended.stderr
-    assert "gaps.parquet: 10 gaps of the pose in 50 s, like 0.21 a second of 0.2 s" in " ".join(ended.stdout.split())
-    assert "wind is not taken from flights" in " ".join(ended.stdout.split())
-    assert "of attitude assumed" in " ".join(ended.stdout.split())
+    assert "gaps.parquet: 10 gaps of the pose in 50 s (0.21 a second of 0.2 s)" in " ".join(ended.stdout.split())
+    assert "no wind, give --wind" in " ".join(ended.stdout.split())
+    assert "(attitude assumed)" in " ".join(ended.stdout.split())
     page = (tmp_path / "page.html").read_text()
     row = page[page.index("gaps of the pose</td>") :].partition("</tr>")[0]
     assert "gaps.parquet" in row
@@ -76,7 +78,7 @@ def test_the_flights_noise_is_flown(folder):
 
 def test_gaps_given_by_hand_win(folder, tmp_path):
     ended = flown_ahead(folder, "--like", folder / "gaps.parquet", "--drop-outs", 0, "--report", tmp_path / "page.html")
-    assert "noise of at most" in " ".join(ended.stdout.split())
+    assert "noise up to" in " ".join(ended.stdout.split())
     assert "gaps of the pose</td><td>none</td><td>asked" in (tmp_path / "page.html").read_text()
     both = Like.of([folder / "gaps.parquet"], 1.0, 0.5)
     assert not {"drop_outs_per_s", "drop_out_s"} & both.sources.keys()
