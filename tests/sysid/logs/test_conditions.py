@@ -53,7 +53,7 @@ def test_known_gaps_and_noise_come_back(shape, gap_s):
     vectors, lost, count = flown(np.random.default_rng(3), gap_s)
     found = conditions.of_logs([log_of(shape(vectors))])
     assert found.gaps == count > 4
-    assert found.gap_s == pytest.approx(gap_s, rel=0.1)
+    assert found.gap_s == pytest.approx(gap_s, abs=0.001)
     assert found.gaps_per_s == pytest.approx(count / (SECONDS - lost.sum() / RATE_HZ), rel=0.1)
     assert found.position_std_m == pytest.approx(POSITION_M, rel=0.2)
     assert found.attitude_std_rad == pytest.approx(ATTITUDE_RAD, rel=0.2)

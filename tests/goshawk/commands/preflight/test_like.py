@@ -99,3 +99,17 @@ def test_of_an_on_board_log_the_flight_alone_counts(tmp_path):
     state = np.where((log.time_s > 10.0) & (log.time_s < 40.0), State.HOLD, State.DISARMED)
     flight_log.save(tmp_path / "onboard.parquet", FlightLog({**log.columns, "mission_state": state}, {}))
     assert "6 gaps of the pose in 30 s" in Like.of([tmp_path / "onboard.parquet"]).said[0]
+
+
+def test_a_batch_flies_like_the_flight_too(folder, tmp_path):
+    (tmp_path / "plans").mkdir()
+    os.symlink(folder / "plan.json", tmp_path / "plans" / "plan.json")
+    world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "--flights", 20, "--risk", 0.3)
+    like = ("--like", folder / "gaps.parquet")
+    ended = answer("preflight", "batch", tmp_path / "plans", *world, *like, "--out", tmp_path / "out", "-q")
+    assert ended.returncode in (0, 1), ended.stderr
+    (written,) = (tmp_path / "out" / "preflights").glob("*.json")
+    alone = json.loads(flown_ahead(folder, *like, "--json").stdout)
+    found = json.loads(written.read_text())
+    assert (found["assumed"], found["risk"]) == (alone["assumed"], alone["risk"])
+    assert any("10 gaps" in sentence for sentence in found["assumed"])
