@@ -30,6 +30,13 @@ _OPTIONS = (
         help="Vertical wind at 10 m height, m/s: its standard deviation; less below.",
     ),
     click.option(
+        "--like",
+        "like_files",
+        type=click.Path(path_type=Path),
+        multiple=True,
+        help="Flight whose log tells gaps and noise of the pose, and noise of the gyro; not the wind. Repeatable.",
+    ),
+    click.option(
         "--pose-delay",
         "pose_delay_s",
         type=click.FloatRange(0.0, 0.1),
@@ -80,13 +87,6 @@ _OPTIONS = (
         type=click.FloatRange(0.0),
         help="Lowest battery voltage at the start [default: full].",
     ),
-    click.option(
-        "--like",
-        "like_files",
-        type=click.Path(path_type=Path),
-        multiple=True,
-        help="Flight whose log tells gaps and noise of the pose, and noise of the gyro; not the wind. Repeatable.",
-    ),
     click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise."),
     outputs.overwrite_option,
 )
@@ -101,6 +101,7 @@ class Asked:
     risk: float
     gust_std_m_s: float
     thermal_std_m_s: float
+    like_files: tuple[Path, ...]
     pose_delay_s: float | None
     drop_outs_per_s: float | None
     drop_out_s: float | None
@@ -109,7 +110,6 @@ class Asked:
     pose_outside: bool
     motor_fault_ratio: float
     battery_v: float | None
-    like_files: tuple[Path, ...]
     seed: int
     overwrite: bool
 
