@@ -21,6 +21,8 @@ CORRELATION = "correlation"
 TOGETHER = 0.9
 """Parameters correlated at least so much are one factor: no flight tells them apart."""
 DELAY_STD_S = 0.003
+LOCALIZATION_STD_M = 0.02
+"""Of what a camera's mounting and a localizer leave, each axis, in a map without an error of its own."""
 LATEST_S = 0.2
 """Oldest pose that is simulated."""
 LAGS = ("motor_lag.rise_s", "motor_lag.fall_s")
@@ -56,8 +58,8 @@ class Uncertainty:
     """How often the pose is missing."""
     drop_out_s: float = 0.1
     """... and how long."""
-    localization_std_m: float = 0.02
-    """Of a lasting error of the pose in the map, each axis."""
+    localization_std_m: float | None = None
+    """Of a lasting error of the pose in the map, each axis; None: `LOCALIZATION_STD_M`."""
     heading_std_rad: float = 0.01
     """Of a lasting error of the heading."""
     map_scale_std_ratio: float = 0.005
@@ -355,7 +357,8 @@ def _estimate(
     untold_s, std_s = _untold_delay(vehicle, given)
     late = untold_s + std_s * draw_of.one("pose delay", std_s, factors)
     column["pose_delay_s"][:] = np.clip(given.pose_delay_s + late, 0.0, LATEST_S)
-    bias = given.localization_std_m * draw_of.three("localization", given.localization_std_m, factors)
+    std_m = LOCALIZATION_STD_M if given.localization_std_m is None else given.localization_std_m
+    bias = std_m * draw_of.three("localization", std_m, factors)
     for i, axis in enumerate("xyz"):
         column[f"bias_{axis}_m"][:] = bias[:, i]
     turned = draw_of.one("heading", given.heading_std_rad, factors)

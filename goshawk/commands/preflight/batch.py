@@ -60,7 +60,9 @@ def command(
     interruption. Exit code 1: a case is no go; results.json in --out gives the reason of each.
     """
     alone = jobs == 1 and scheduler is None
-    job = case.Job(map_folder, replace(asked.flown(), threads=None if alone else 1), out, asked.overwrite)
+    like = asked.like()
+    options = replace(asked.flown(like=like), threads=None if alone else 1)
+    job = case.Job(map_folder, options, out, asked.overwrite, like=like)
     cases = case.cases_of(plans, vehicle_files, list(dict.fromkeys(winds)))
     with console.progress() as report:
         rows = batch.run(cases, job, jobs=jobs, scheduler=scheduler, progress=report)

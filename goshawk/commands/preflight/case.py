@@ -4,7 +4,7 @@ import hashlib
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +15,7 @@ import vehicle
 from flight import FlightError, InputError, file_format, results, trajectory
 from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
 from goshawk.commands.preflight import inputs
+from goshawk.commands.preflight.like import Like
 from goshawk.commands.preflight.outcome import Outcome
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
@@ -64,6 +65,8 @@ class Job:
     out: Path
     overwrite: bool = False
     inputs: bytes = b""
+    like: Like = field(default_factory=Like)
+    """What the options have from flights."""
     kind: ClassVar[Kind] = KIND
 
     def inputs_hash(self) -> bytes:
@@ -220,6 +223,7 @@ def _flown(case: Case, job: Job) -> dict[str, Any]:
         _map(job.map_folder, job.inputs),
         vehicle.load(case.vehicle_file),
         replace(job.options, uncertainty=blown),
+        job.like,
     )
     result = preflight.fly(flown.scenario, flown.options)
     if result.cut_off or result.unexplained:

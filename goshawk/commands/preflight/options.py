@@ -1,11 +1,13 @@
 """How `goshawk preflight` and `goshawk preflight batch` fly, as options: how often, in what air, with what errors."""
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import click
 
 import preflight
 from goshawk.commands.preflight import inputs
+from goshawk.commands.preflight.like import Like
 from goshawk.terminal import console, outputs
 from goshawk.terminal.records import options_as
 
@@ -28,6 +30,13 @@ _OPTIONS = (
         help="Vertical wind at 10 m height, m/s: its standard deviation; less below.",
     ),
     click.option(
+        "--like",
+        "like_files",
+        type=click.Path(path_type=Path),
+        multiple=True,
+        help="Flight whose log tells gaps and noise of the pose, and noise of the gyro; not the wind. Repeatable.",
+    ),
+    click.option(
         "--pose-delay",
         "pose_delay_s",
         type=click.FloatRange(0.0, 0.1),
@@ -37,25 +46,19 @@ _OPTIONS = (
         "--drop-outs",
         "drop_outs_per_s",
         type=click.FloatRange(0.0, 10.0),
-        default=0.0,
-        show_default=True,
-        help="Gaps of the pose a second, each of --drop-out-time.",
+        help="Gaps of the pose a second, each of --drop-out-time [default: none].",
     ),
     click.option(
         "--drop-out-time",
         "drop_out_s",
         type=click.FloatRange(0.0, 5.0),
-        default=_DEFAULT.drop_out_s,
-        show_default=True,
-        help="Length of a gap of the pose, s.",
+        help="Length of a gap of the pose, s [default: 0.1].",
     ),
     click.option(
         "--localization",
         "localization_std_m",
         type=click.FloatRange(0.0, 1.0),
-        default=_DEFAULT.localization_std_m,
-        show_default=True,
-        help="Standard deviation of the pose in the map, metres.",
+        help="Standard deviation of the pose in the map, metres, each axis [default: 0.02, and what the map states].",
     ),
     click.option(
         "--pose-jump",
@@ -98,10 +101,11 @@ class Asked:
     risk: float
     gust_std_m_s: float
     thermal_std_m_s: float
+    like_files: tuple[Path, ...]
     pose_delay_s: float | None
-    drop_outs_per_s: float
-    drop_out_s: float
-    localization_std_m: float
+    drop_outs_per_s: float | None
+    drop_out_s: float | None
+    localization_std_m: float | None
     pose_jump_std_m: float
     pose_outside: bool
     motor_fault_ratio: float
@@ -109,26 +113,38 @@ class Asked:
     seed: int
     overwrite: bool
 
-    def flown(self, wind: str = "0") -> preflight.Options:
+    def like(self) -> Like:
+        """What the flights of `--like` tell and no option gives.
+
+        Raises:
+            InputError: a flight is missing, or tells nothing.
+            FormatError: one cannot be read.
+        """
+        return Like.of(self.like_files, self.drop_outs_per_s, self.drop_out_s)
+
+    def flown(self, wind: str = "0", like: Like | None = None) -> preflight.Options:
         """How to fly in a wind as `--wind` takes it; what the map says of itself is not in it yet (`inputs.of_map`).
 
         Raises:
             InputError: the wind or a number makes no sense.
         """
+        like = like or Like()
         uncertainty = replace(
             inputs.blowing(wind),
             gust_std_m_s=self.gust_std_m_s,
             thermal_std_m_s=self.thermal_std_m_s,
             pose_delay_std_s=self.pose_delay_s,
-            drop_outs_per_s=self.drop_outs_per_s,
-            drop_out_s=self.drop_out_s,
+            drop_outs_per_s=like.drop_outs_per_s if self.drop_outs_per_s is None else self.drop_outs_per_s,
+            drop_out_s=like.drop_out_s if self.drop_out_s is None else self.drop_out_s,
             localization_std_m=self.localization_std_m,
             pose_jump_std_m=self.pose_jump_std_m,
             pose_of_map=not self.pose_outside,
             motor_fault_ratio=self.motor_fault_ratio,
             battery_v=self.battery_v,
         )
-        return preflight.Options(self.flights, self.risk, self.seed, uncertainty, rare=self.rare or None)
+        return preflight.Options(
+            self.flights, self.risk, self.seed, uncertainty, sensors=like.sensors, rare=self.rare or None
+        )
 
 
 preflight_options = options_as(Asked, _OPTIONS)

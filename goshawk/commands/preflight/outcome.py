@@ -42,6 +42,11 @@ class Outcome:
     """Found with the advice, or before Ctrl-C; None: not looked for."""
 
     @property
+    def assumed(self) -> tuple[str, ...]:
+        """Sentences on what nobody told, and on what map and flights did."""
+        return (*self.result.assumed, *self.subject.said)
+
+    @property
     def shown(self) -> preflight.Replay:
         """The flights that were flown again, which are not for a page without them."""
         assert self.replay is not None
@@ -98,6 +103,7 @@ class Outcome:
             "vehicle": of.vehicle.name,
             "vehicle_hash": vehicle.vehicle_hash(of.vehicle),
             "seed": of.options.seed,
+            "assumed": list(self.assumed),
             PLAN_AGAIN: self.plan_again,
             "narrow_waypoints": self.narrow_waypoints,
             "worst": [] if replay is None else [track.as_dict(of.item.trajectory) for track in replay.worst],

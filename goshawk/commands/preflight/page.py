@@ -12,6 +12,7 @@ import numpy as np
 
 import preflight
 from goshawk.commands.preflight import drawing, screen
+from goshawk.commands.preflight.like import NOISE, noise_words
 from goshawk.commands.preflight.outcome import Outcome
 from preflight.core import SETTLE_S
 from preflight.worst import Track
@@ -238,7 +239,9 @@ def _assumed(told: Outcome) -> str:
     drop_outs = f"{given.drop_outs_per_s:g} a second of {given.drop_out_s:g} s" if given.drop_outs_per_s else "none"
     jump = f"{100.0 * given.pose_jump_std_m:.0f} cm each axis" if given.pose_jump_std_m else "none"
     battery = "full, and stays so" if given.battery_v is None else f"from {given.battery_v:g} V to full, and it sags"
-    fault = 100.0 * given.motor_fault_ratio
+    fault, source = 100.0 * given.motor_fault_ratio, told.subject.sources.get
+    noise_from = next((source(name) for name in NOISE if name in told.subject.sources), None) or "assumed"
+    localization = f"{100.0 * (given.localization_std_m or 0.0):.1f} cm each axis"
     uncertain = sum(parameter.std > 0.0 for parameter in told.subject.vehicle.parameters.values())
     rows = [
         ("parameters", f"{uncertain} of {len(told.subject.vehicle.parameters)} uncertain", "the vehicle file"),
@@ -246,8 +249,9 @@ def _assumed(told: Outcome) -> str:
         ("gusts (Dryden)", f"{given.gust_std_m_s:g} m/s each axis, length {options.air.gust_length_m:g} m", "asked"),
         ("thermals", f"{given.thermal_std_m_s:g} m/s upwards at 10 m" if given.thermal_std_m_s else "none", "asked"),
         ("pose delay, untold", delay or "as the model says, or 3 ms", "asked" if delay else known),
-        ("gaps of the pose", drop_outs, "asked"),
-        ("lasting error of the pose", f"{100.0 * given.localization_std_m:.1f} cm each axis", "asked"),
+        ("gaps of the pose", drop_outs, source("drop_outs_per_s", "asked")),
+        ("noise of position, attitude, gyro", noise_words(options.sensors), noise_from),
+        ("lasting error of the pose", localization, source("localization_std_m", "asked")),
         ("jump of the pose on the way", jump, "asked"),
         ("lasting error of the heading", f"{_DEG * given.heading_std_rad:.2f}°", "assumed"),
         ("map's scale", f"{100.0 * given.map_scale_std_ratio:.2f} %", "the map"),
@@ -261,7 +265,7 @@ def _assumed(told: Outcome) -> str:
         ("map", f"{area.folder.resolve().name}, {area.hash[:12]}", "asked"),
         ("seed", str(options.seed), "asked"),
     ]
-    sentences = "".join(f"<p>{_sentence(said)}.</p>" for said in told.result.assumed)
+    sentences = "".join(f"<p>{_sentence(said)}.</p>" for said in told.assumed)
     head = ("", "standard deviation, or value", "from")
     simulated = "<p class='small'>Simulated throughout.</p>"
     return f"<section><h2>What was assumed</h2>{_table(head, rows)}{sentences}{simulated}</section>"

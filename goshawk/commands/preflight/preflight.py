@@ -59,10 +59,11 @@ def one(
     Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
     """
     outputs.check(out, report, overwrite=asked.overwrite)
-    item, believed, options = trajectory.load(trajectory_file), vehicle.load(vehicle_file), asked.flown(wind)
+    item, believed, like = trajectory.load(trajectory_file), vehicle.load(vehicle_file), asked.like()
+    options = asked.flown(wind, like)
     with console.progress() as progress:
         progress("opening the map", 0.0)
-        subject = inputs.subject(item, mapping.open_map(map_folder), believed, options)
+        subject = inputs.subject(item, mapping.open_map(map_folder), believed, options, like)
         found = _flown(subject, progress, advise=advise, bundle=worst.BUNDLE if report is not None else 0)
     _write(found, out, report, overwrite=asked.overwrite)
     if as_json:

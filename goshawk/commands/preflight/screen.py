@@ -29,8 +29,8 @@ def show(title: str, found: Outcome) -> None:
     facts["decides most"], remedy = decides(result, found.plan_again, found.narrow_waypoints)
     facts |= found.advice_words()
     facts["next"] = "fly it" if result.go else remedy
-    if result.assumed:
-        facts["assumed"] = "; ".join(result.assumed)
+    if found.assumed:
+        facts["assumed"] = "; ".join(found.assumed)
     console.show(title, facts, as_json=False)
     console.table("", ("", "median", "90 %", "99 %", "worst"), _spreads(result))
 

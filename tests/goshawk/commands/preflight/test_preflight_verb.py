@@ -20,6 +20,7 @@ from goshawk.commands.preflight import inputs, outcome, screen
 from goshawk.commands.preflight import preflight as verb
 from goshawk.commands.preflight.outcome import Outcome
 from goshawk.terminal import outputs
+from mapping import map_folder
 from preflight import Options, slower
 from preflight.result import SCHEMA, SCHEMA_VERSION
 from tests.goshawk.running import answer
@@ -150,6 +151,48 @@ def test_a_maps_scale_is_as_unsure_as_its_sources_disagree():
 def test_voxels_add_to_the_error_of_the_surfaces(folder):
     found = inputs.of_map(mapping.open_map(folder / "map"), preflight.Uncertainty())
     assert found.map_error_std_m > preflight.Uncertainty().map_error_std_m
+
+
+def stating(folder: Path, tmp_path: Path, shape_std_m: object) -> Path:
+    """The map with a report that states this of its images' positions."""
+    shutil.copytree((folder / "map").resolve(), tmp_path / "map")
+    body = {**map_folder.read_report(tmp_path / "map"), "shape_std_m": shape_std_m}
+    file_format.write_json(tmp_path / "map" / "report.json", format=map_folder.REPORT_FORMAT, version=1, body=body)
+    return tmp_path / "map"
+
+
+def test_the_pose_errs_by_what_the_map_states_near_the_path(folder, tmp_path):
+    path = trajectory.load(folder / "plan.json").trajectory
+    places = np.tile(np.eye(4), (4, 1, 1))
+    places[:, :3, 3] = [*path.position([0.0, 0.5 * path.duration_s]), (50.0, 0.0, 0.0), path.position([0.0])[0]]
+    images = mapping.open_map(stating(folder, tmp_path, [0.06, 0.06, 0.6, None]))
+    area = replace(images, images=("a", "b", "c", "d"), T_world_body=places)
+    per_axis_m = 0.06 / np.sqrt(3.0)
+    assert inputs.position_std_m(area, path) == pytest.approx(per_axis_m)
+    found = inputs.of_map(area, preflight.Uncertainty(), path)
+    assert found.localization_std_m == pytest.approx(np.hypot(0.02, per_axis_m))
+    assert inputs.position_std_m(area) == pytest.approx(np.sqrt((2 * 0.06**2 + 0.6**2) / 9.0))
+    given = preflight.Uncertainty(localization_std_m=0.01)
+    assert inputs.of_map(area, given, path).localization_std_m == 0.01
+    assert inputs.position_std_m(images, path) is None  # of another number of images
+
+
+def test_screen_and_page_say_where_the_error_of_the_pose_is_from(folder, tmp_path):
+    of_map = stating(folder, tmp_path, [0.06] * len(mapping.open_map(folder / "map").images))
+    files = ("preflight", folder / "plan.json", "--vehicle", folder / "vehicle.toml", "--flights", 5, "-q")
+    told = answer(*files, "--map", of_map, "--report", tmp_path / "told.html")
+    assert "2 cm of the localizer, assumed, and 3.5 cm from the map's images" in " ".join(told.stdout.split())
+    assert "4.0 cm each axis</td><td>the map along the path (3.5 cm)" in (tmp_path / "told.html").read_text()
+    given = answer(*files, "--map", of_map, "--localization", 0.01, "--report", tmp_path / "given.html")
+    assert "localizer" not in given.stdout
+    assert "1.0 cm each axis</td><td>asked" in (tmp_path / "given.html").read_text()
+    answer(*files, "--map", folder / "map", "--report", tmp_path / "assumed.html")
+    assert "2.0 cm each axis</td><td>assumed; the map states none" in (tmp_path / "assumed.html").read_text()
+
+
+def test_standard_deviations_that_are_no_numbers_are_refused(folder, tmp_path):
+    with pytest.raises(FormatError, match="shape_std_m"):
+        inputs.position_std_m(mapping.open_map(stating(folder, tmp_path, ["wide"])))
 
 
 def test_ctrl_c_shows_what_was_flown(folder, monkeypatch):
