@@ -9,14 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import exchange
 from flight import FormatError, InputError
 
 SUFFIXES = (".ply", ".pcd")
 LARGEST_BYTES = 4_000_000_000
 MOST_POINTS = 30_000_000
 """An import with rays takes 3.6 GB of memory."""
-DISTANCES = "comment signed distance in metres"
-"""Line of a PLY header, of points that are voxels with distances and not places that were measured."""
 _HEADER_BYTES = 65_536
 _PLY_TYPES = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "i2", "int16": "i2", "ushort": "u2",
@@ -135,7 +134,7 @@ def _ply(path: Path) -> Layout:
     lines, offset = _header(path, b"end_header")
     if not lines or lines[0] != "ply":
         raise FormatError(f"{path} is no PLY file, or its header is cut off; export it again")
-    if DISTANCES in lines:
+    if exchange.PLY_COMMENT in lines:
         raise InputError(
             f"{path} holds distances at all voxels, not measured points; import the map's mesh or OctoMap instead"
         )

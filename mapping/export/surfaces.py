@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import exchange
 from flight import FloatArray
-from mapping.cloud import point_file
 from mapping.dense import mesh_file, usd_file
 
 UP = {".ply": "z", ".stl": "z", ".obj": "y", ".glb": "y", usd_file.WRITTEN: "z"}
@@ -45,7 +45,7 @@ def points(vertices_world_m: FloatArray, colours: NDArray[np.uint8], deviation_m
 def distances(centres_world_m: FloatArray, distance_m: FloatArray) -> bytes:
     """A PLY file's bytes of places (n, 3) with their distance (m) to a surface as `intensity`, as nvblox' ESDF."""
     columns = dict(zip("xyz", centres_world_m.T, strict=True)) | {"intensity": distance_m.astype(np.float32)}
-    return _rows(columns, f"{point_file.DISTANCES}\n")
+    return _rows(columns, f"{exchange.PLY_COMMENT}\n")
 
 
 def _rows(columns: Mapping[str, NDArray[Any]], comment: str = "") -> bytes:
