@@ -10,6 +10,9 @@ from esdf.field import Field
 from esdf.grid import UNKNOWN, Grid
 from flight import FormatError, InputError, errors, file_format
 
+PLY_COMMENT = "comment signed distance in metres"
+"""Line of a PLY header, of points that are voxels with distances and not places that were measured."""
+
 
 def export_npz(path: Path, field: Field) -> None:
     """Everything in one `.npz`: `state`, `distance_m`, lattice, cap, policy."""
@@ -78,7 +81,7 @@ def export_ply(path: Path, field: Field, *, closer_than_m: float) -> int:
     rows = np.empty(len(index), [("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("distance", "<f4")])
     rows["x"], rows["y"], rows["z"] = field.grid.centre(index).T
     rows["distance"] = field.values_m[chosen]
-    header = f"ply\nformat binary_little_endian 1.0\ncomment signed distance in metres\nelement vertex {len(rows)}\n"
+    header = f"ply\nformat binary_little_endian 1.0\n{PLY_COMMENT}\nelement vertex {len(rows)}\n"
     header += "".join(f"property float {name}\n" for name in ("x", "y", "z", "distance")) + "end_header\n"
     file_format.write_bytes(Path(path), header.encode() + rows.tobytes())
     return len(rows)

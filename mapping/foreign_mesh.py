@@ -107,21 +107,13 @@ def parts(mesh: ForeignMesh) -> int:
 def require_fine(path: Path, step_m: float) -> None:
     """
     Raises:
-        InputError: the file's coordinates are too far apart, as `single_step` tells.
+        InputError: the file's coordinates are too far apart, as `reach.single_step` tells.
     """
     if step_m > COARSEST_M:
         raise InputError(
             f"{path} stores single precision: its coordinates are {step_m:.3g} m apart, at most {COARSEST_M:g} m may "
             "be; subtract the offset where it was exported, in double"
         )
-
-
-def single_step(numbers: NDArray[np.generic]) -> float:
-    """How far apart numbers of single precision are at the largest of these; 0 if they are finer than single."""
-    largest = np.max(np.abs(numbers), initial=0.0)
-    if not np.isfinite(largest) or not np.array_equal(numbers, numbers.astype(np.float32)):
-        return 0.0
-    return float(np.spacing(np.float32(largest)))
 
 
 def origin_remedy(place: FloatArray) -> str:
@@ -162,8 +154,7 @@ def _triangles(path: Path) -> tuple[FloatArray, NDArray[np.int32], float, Stated
         )
     stated = None
     if kind in usd_file.SUFFIXES:
-        vertices, faces, stated = usd_file.read(path)
-        step = single_step(vertices)
+        vertices, faces, step, stated = usd_file.read(path)
     else:
         vertices, faces, step = _by_trimesh(path)
     if not len(faces):
@@ -193,13 +184,13 @@ def _by_trimesh(path: Path) -> tuple[FloatArray, NDArray[np.int64], float]:
 
 
 def _step(path: Path, scene: Any) -> float:
-    """The largest `single_step` of the parts, before a GLB file's own transforms of them, in the whole's numbers."""
+    """The largest `reach.single_step` of the parts, before a GLB's own transforms of them, in the whole's numbers."""
     if path.suffix.lower() == ".obj" or (path.suffix.lower() == ".ply" and not _SINGLE_PLY.search(_head(path))):
         return 0.0
     steps = [0.0]
     for node in scene.graph.nodes_geometry:
         T, name = scene.graph[node]
-        steps.append(single_step(scene.geometry[name].vertices) * float(np.cbrt(abs(np.linalg.det(T[:3, :3])))))
+        steps.append(reach.single_step(scene.geometry[name].vertices) * float(np.cbrt(abs(np.linalg.det(T[:3, :3])))))
     return max(steps)
 
 
@@ -219,8 +210,11 @@ def rotation(path: Path, up: str | None, *, stated: str | None = None) -> tuple[
     if stated is not None:
         return alignment.upright(_AXES[stated]).round(15), f"{stated} (USD's upAxis)"
     kind = path.suffix.lower()
-    axis = "y" if kind in (".glb", ".obj") else "z"
-    why = "glTF's rule" if kind == ".glb" else f"guessed, as most {kind[1:].upper()} files; else give --up"
+    axis = "y" if kind in (".glb", ".obj", *usd_file.SUFFIXES) else "z"
+    if kind in usd_file.SUFFIXES:
+        why = "Pixar's rule; the file does not say; else give --up"
+    else:
+        why = "glTF's rule" if kind == ".glb" else f"guessed, as most {kind[1:].upper()} files; else give --up"
     return alignment.upright(_AXES[axis]).round(15), f"{axis} ({why})"
 
 

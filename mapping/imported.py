@@ -1,7 +1,7 @@
 """A map without images, from what another program made: its voxels, and the folder. What is free must be stated."""
 
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,13 @@ MOST_VOXELS = 450_000_000
 """A hall of 100 x 50 x 10 m has 410 million of 5 cm."""
 MOST_TRACED = 150_000_000
 """Of a cloud of points or an OctoMap, whose rays or leaves take memory of their own."""
+_CGROUPS = Path("/sys/fs/cgroup")
+_LIMITS = {
+    "1": (_CGROUPS / "memory", "memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+    "2": (_CGROUPS, "memory.max", "memory.current", "inactive_file"),
+}
+"""Of Linux' control groups, by version: where they are, the files of a limit and of what is taken, in bytes, and what
+of the latter, in `memory.stat`, is of files and can be given back."""
 BYTES_EACH = 14
 """Of memory at most, of all arrays of an import together: 12 while the finished map is opened."""
 
@@ -102,12 +109,33 @@ def require_few(grid: Grid, remedy: str, *, coarser: bool = False, at_most: int 
 
 
 def free_memory_bytes() -> int:
-    """What this machine can give without swapping."""
+    """What this machine can give without swapping, and what the container or service that this runs in may take."""
     try:
         said = dict(line.split(":", 1) for line in Path("/proc/meminfo").read_text().splitlines())
-        return 1024 * int(said["MemAvailable"].split()[0])
+        free = 1024 * int(said["MemAvailable"].split()[0])
+        lines = Path("/proc/self/cgroup").read_text().splitlines()
     except (OSError, KeyError, ValueError):  # no Linux: as many voxels as ever
         return BYTES_EACH * MOST_VOXELS
+    return min([free, *(left for line in lines for left in _left_bytes(line))])
+
+
+def _left_bytes(line: str) -> list[int]:
+    """What a control group, as in /proc/self/cgroup, and those above it leave of their limits of memory."""
+    _, controllers, name = line.split(":", 2)
+    if controllers and "memory" not in controllers.split(","):
+        return []
+    top, most, used, cached = _LIMITS["1" if controllers else "2"]
+    found = []
+    within = PurePosixPath(name)
+    for group in (within, *within.parents):
+        folder = top / str(group).lstrip("/")
+        try:
+            said = dict(line.split() for line in (folder / "memory.stat").read_text().splitlines())
+            taken = int((folder / used).read_text()) - int(said[cached])
+            found.append(max(0, int((folder / most).read_text()) - taken))
+        except (OSError, KeyError, ValueError):  # no such group as seen from inside, or no limit: "max"
+            continue
+    return found
 
 
 def connected(

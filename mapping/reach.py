@@ -1,6 +1,7 @@
 """How far from the origin of its frame a map may lie: files of meshes hold 32-bit numbers, 1 mm apart at 10 km."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from flight import FloatArray, InputError
 
@@ -26,3 +27,11 @@ def require_near_origin(points_world_m: FloatArray, what: str, remedy: str = _RE
             f"{what} would lie {farthest_m / 1000.0:,.4g} km from the origin, at most {FARTHEST_M / 1000.0:g} km may "
             f"be: {remedy}"
         )
+
+
+def single_step(numbers: NDArray[np.generic]) -> float:
+    """How far apart numbers of single precision are at the largest of these; 0 if they are finer than single."""
+    largest = np.max(np.abs(numbers), initial=0.0)
+    if not np.isfinite(largest) or not np.array_equal(numbers, numbers.astype(np.float32)):
+        return 0.0
+    return float(np.spacing(np.float32(largest)))

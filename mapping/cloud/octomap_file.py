@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid
 from flight import FormatError, InputError, errors
 from mapping import reach
-from mapping.imported import MOST_TRACED, Space
+from mapping.imported import MOST_TRACED, Space, require_few
 from mapping.map_server import CELLS_M
 
 SUFFIXES = (".bt", ".ot")
@@ -61,12 +61,13 @@ def read(path: Path) -> Space:
     corners = edge_m * (np.stack([low, high]) - _CENTRE)
     reach.require_near_origin(corners, str(path))
     nx, ny, nz = (high - low).tolist()
-    if nx * ny * nz > MOST_TRACED:
+    if nx * ny * nz > MOST_TRACED:  # more than a grid may have at all
         raise InputError(
             f"{path}: what it knows spans {nx * ny * nz / 1e6:,.0f} million voxels, at most {MOST_TRACED / 1e6:g} "
             "million are read: cut the map, or make it coarser"
         )
     grid = Grid(tuple(corners[0].tolist()), (edge_m, edge_m, edge_m), (nx, ny, nz))
+    require_few(grid, f"cut {path.name}, or make it coarser")
     state = np.full(grid.shape, UNKNOWN, np.uint8)
     for (x, y, z), size, value in zip(
         (leaves.key - low).tolist(), (1 << leaves.height).tolist(), leaves.state, strict=True

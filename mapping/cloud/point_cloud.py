@@ -81,7 +81,7 @@ def read(
     given = "as the file states" if unit is None else "as given"
     unit = files.stated_unit(path, unit)
     unit_m, unit_because = foreign_mesh.scale(path, float(np.ptp(points, axis=0).max()), unit, given=given)
-    foreign_mesh.require_fine(path, unit_m * max(foreign_mesh.single_step(points[:, k]) for k in range(3)))
+    foreign_mesh.require_fine(path, unit_m * max(reach.single_step(points[:, k]) for k in range(3)))
     start = np.zeros(3) if origin is None else origin
     points = (points - start) @ (unit_m * R_world_file.T)
     reach.require_near_origin(points, str(path), foreign_mesh.origin_remedy(start + points[0] @ R_world_file / unit_m))

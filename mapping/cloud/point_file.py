@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import exchange
 from flight import FormatError, InputError
 
 SUFFIXES = (".ply", ".pcd")
@@ -133,6 +134,10 @@ def _ply(path: Path) -> Layout:
     lines, offset = _header(path, b"end_header")
     if not lines or lines[0] != "ply":
         raise FormatError(f"{path} is no PLY file, or its header is cut off; export it again")
+    if exchange.PLY_COMMENT in lines:
+        raise InputError(
+            f"{path} holds distances at all voxels, not measured points; import the map's mesh or OctoMap instead"
+        )
     coding, element, points, types = "", "", 0, []
     for words in map(str.split, lines):
         if words[:1] == ["format"] and len(words) > 1:

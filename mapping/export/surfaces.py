@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from esdf import exchange
 from flight import FloatArray
 from mapping.dense import mesh_file, usd_file
 
@@ -43,10 +44,11 @@ def points(vertices_world_m: FloatArray, colours: NDArray[np.uint8], deviation_m
 
 def distances(centres_world_m: FloatArray, distance_m: FloatArray) -> bytes:
     """A PLY file's bytes of places (n, 3) with their distance (m) to a surface as `intensity`, as nvblox' ESDF."""
-    return _rows(dict(zip("xyz", centres_world_m.T, strict=True)) | {"intensity": distance_m.astype(np.float32)})
+    columns = dict(zip("xyz", centres_world_m.T, strict=True)) | {"intensity": distance_m.astype(np.float32)}
+    return _rows(columns, f"{exchange.PLY_COMMENT}\n")
 
 
-def _rows(columns: Mapping[str, NDArray[Any]]) -> bytes:
+def _rows(columns: Mapping[str, NDArray[Any]], comment: str = "") -> bytes:
     """A PLY file's bytes of points with these columns: double, float or unsigned char."""
     named = {"<f8": "double", "|u1": "uchar", "<f4": "float"}
     count = len(next(iter(columns.values())))
@@ -54,7 +56,7 @@ def _rows(columns: Mapping[str, NDArray[Any]]) -> bytes:
     for name, values in columns.items():
         rows[name] = values
     properties = "".join(f"property {named[values.dtype.str]} {name}\n" for name, values in columns.items())
-    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(rows)}\n{properties}end_header\n"
+    head = f"ply\nformat binary_little_endian 1.0\n{comment}element vertex {len(rows)}\n{properties}end_header\n"
     return head.encode() + rows.tobytes()
 
 

@@ -1,11 +1,16 @@
 """The budget of an import: what it takes is known, and told, before any work begins."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from esdf import Grid
+import esdf
+from esdf import OCCUPIED, Grid
 from flight import InputError
 from mapping import imported
+from mapping.cloud import octomap_file
+from mapping.export import octomap
 
 GRID = Grid((0.0, 0.0, 0.0), (0.05, 0.05, 0.05), (2000, 1000, 200))
 """A hall of 100 x 50 x 10 m."""
@@ -42,3 +47,30 @@ def test_what_is_connected_with_a_place_is_found_in_every_layer() -> None:
     assert not found[4:].any()
     both = imported.connected(closed, grid, np.array([[1.5, 2.5, 2.5], [7.5, 0.5, 0.5]]), "mesh", "lies in it")
     assert (both == ~closed).all()
+
+
+@pytest.mark.parametrize(("version", "line"), [("1", "4:cpu,memory:/a/b"), ("2", "0::/a/b")])
+def test_a_limit_of_the_container_counts_and_so_does_one_above_it(tmp_path: Path, monkeypatch, version, line) -> None:
+    _, most, used, cached = imported._LIMITS[version]
+    monkeypatch.setitem(imported._LIMITS, version, (tmp_path, most, used, cached))
+    for folder, limit in (("", "max"), ("a", "3000"), ("a/b", "4000")):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / most).write_text(limit + "\n")
+        (tmp_path / folder / used).write_text("1500\n")
+        (tmp_path / folder / "memory.stat").write_text(f"anon 9\n{cached} 500\n")
+    assert imported._left_bytes(line) == [3000, 2000]
+    assert imported._left_bytes("3:cpuset:/a/b") == []
+    assert imported._left_bytes(line.replace("/a/b", "/elsewhere")) == []
+    assert imported.free_memory_bytes() > 0
+
+
+def test_an_octomap_is_within_the_same_budget(tmp_path: Path, monkeypatch) -> None:
+    state = np.zeros((20, 20, 20), np.uint8)
+    state[3, 3, 3], state[17, 17, 17] = OCCUPIED, OCCUPIED
+    (tmp_path / "a.bt").write_bytes(
+        octomap.encode(esdf.build(state, Grid((0.0, 0.0, 0.0), (0.1, 0.1, 0.1), (20, 20, 20))))
+    )
+    assert octomap_file.read(tmp_path / "a.bt").state.size == 15**3
+    monkeypatch.setattr(imported, "free_memory_bytes", lambda: 40_000)
+    with pytest.raises(InputError, match=r"GB are free here: cut a\.bt, or make it coarser"):
+        octomap_file.read(tmp_path / "a.bt")

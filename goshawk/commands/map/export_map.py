@@ -27,6 +27,8 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "colmap": ("",),
 }
 """What is exported, and the ends of its file's name; the first kind of an end is taken without --as."""
+MOST_DISTANCES = 20_000_000
+"""They take 2 GB of memory."""
 _NEAR_M = 0.15
 """Points take the colour of the mesh within this."""
 
@@ -57,8 +59,8 @@ def export(
     goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
     Up is z, in OBJ and GLB y. Slices, OctoMap and elevation model have the pilot's edits, meshes and points have none.
-    `goshawk map import` reads all but distances again; only slice and OctoMap say which space is free. Distances are
-    points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are known.
+    `goshawk map import` reads all again but distances and COLMAP models; only slice and OctoMap say which space is
+    free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are known.
     """
     kind = _kind(out, kind)
     if kind == "ros" and height_m is None:
@@ -144,6 +146,11 @@ def _distances(area: Map, height_m: float | None) -> tuple[bytes, int]:
             raise InputError(f"--height is {height_m:g} m; the map reaches from {low_m:.2f} to {high_m:.2f} m")
         layer = int(grid.index(np.array([[0.0, 0.0, height_m]]))[0, 2])
         known[:, :, :layer], known[:, :, layer + 1 :] = False, False
+    if (count := int(known.sum())) > MOST_DISTANCES:
+        raise InputError(
+            f"{count / 1e6:,.0f} million voxels are known, at most {MOST_DISTANCES / 1e6:g} million distances are "
+            "written: give --height, for one slice"
+        )
     centres = grid.centre(np.argwhere(known))
     return surfaces.distances(centres, area.field.distance(centres)), len(centres)
 

@@ -26,7 +26,7 @@ _A_KIND = {
 }
 _OF_SHAPES, _OF_CLOUDS, _OF_PLACES = ("mesh", "cloud"), ("cloud",), ("mesh", "cloud", "dem")
 _FOR: dict[str, tuple[str, ...]] = {
-    "--unit": _OF_SHAPES,
+    "--unit": _OF_PLACES,
     "--up": _OF_SHAPES,
     "--origin": _OF_PLACES,
     "--voxel": _OF_PLACES,
@@ -110,7 +110,11 @@ class Asked:
     type=float,
     help="Widest hole between points that --observed does not pass, metres [default: 0.2].",
 )
-@click.option("--heights", metavar="LOW,HIGH", help="Between which a two-dimensional FILE holds, metres.")
+@click.option(
+    "--heights",
+    metavar="LOW,HIGH",
+    help="Between which a two-dimensional FILE holds, or all above an elevation model is free; metres in the map.",
+)
 @console.dry_run_option
 @outputs.overwrite_option
 @console.common_options
@@ -318,13 +322,12 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     if asked.heights is not None:
         low_m, high_m = console.numbers("--heights", asked.heights, 2)
         between = (low_m, high_m)
-    field = height_field.read(file, origin=origin)
+    field = height_field.read(file, origin=origin, unit=asked.unit)
     space = height_field.space(field, asked.voxel_m or _VOXEL_M, between)
     vertices, faces = height_field.surface(field)
-    mesh = foreign_mesh.ForeignMesh(
-        vertices, faces, "m (an elevation model's rule)", "z (an elevation model's rule)", 0
-    )
-    return mesh, space, _triangles(mesh)
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, field.unit, "z (heights)", 0)
+    cells = {"cells": field.height_m.size, "cells_without_data": int(np.isnan(field.height_m).sum())}
+    return mesh, space, _triangles(mesh) | cells
 
 
 def _octomap(file: Path) -> tuple[Any, Any, dict[str, Any]]:
@@ -389,6 +392,9 @@ def _facts(kind: str, document: dict[str, Any]) -> dict[str, object]:
 
 
 def _contents(kind: str, document: dict[str, Any]) -> dict[str, object]:
+    if kind == "dem":
+        said = f"{document['cells_without_data']:,} of {document['cells']:,} cells without data"
+        return {"triangles": document["triangles"], "heights": said}
     if kind != "cloud":
         return {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
     found: dict[str, object] = {"points": document["points"]}

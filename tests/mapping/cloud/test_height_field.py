@@ -21,17 +21,30 @@ def ascii_grid(path: Path, field: HeightField) -> Path:
     return path
 
 
-def geotiff(path: Path, field: HeightField, *, model: int = 1, raster: int = 1, mode: str = "F") -> Path:
+def geotiff(
+    path: Path,
+    field: HeightField,
+    *,
+    model: int = 1,
+    raster: int = 1,
+    mode: str = "F",
+    keys: dict[int, int] | None = None,
+    no_data: str | None = "-32768",
+    hole: float = -32768.0,
+) -> Path:
     """As GDAL writes it: the first row in the north, the tie point at the corner or in the middle of a pixel."""
-    rows = np.where(np.isfinite(field.height_m), field.height_m, -32768.0).T[::-1].astype(np.float32)
+    rows = np.where(np.isfinite(field.height_m), field.height_m, hole).T[::-1].astype(np.float32)
     image = Image.fromarray(rows) if mode == "F" else Image.fromarray(rows.astype(np.uint8))
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     half = 0.5 * field.cell_m if raster == 2 else 0.0
     x_m, y_m = field.low_m[0] + half, field.low_m[1] + field.cell_m * field.height_m.shape[1] - half
     tags[33550], tags[33922] = (field.cell_m, field.cell_m, 0.0), (0.0, 0.0, 0.0, x_m, y_m, 0.0)
     tags.tagtype[33550] = tags.tagtype[33922] = 12
-    tags[34735], tags.tagtype[34735] = (1, 1, 0, 2, 1024, 0, 1, model, 1025, 0, 1, raster), 3
-    tags[42113], tags.tagtype[42113] = "-32768", 2
+    stated = {1024: model, 1025: raster} | (keys or {})
+    directory = (1, 1, 0, len(stated), *(word for key, value in stated.items() for word in (key, 0, 1, value)))
+    tags[34735], tags.tagtype[34735] = directory, 3
+    if no_data is not None:
+        tags[42113], tags.tagtype[42113] = no_data, 2
     image.save(path, tiffinfo=tags)
     return path
 
@@ -47,6 +60,71 @@ def test_a_model_is_read_where_it_was_written(tmp_path: Path, write) -> None:
     np.testing.assert_allclose(found.height_m, HEIGHTS, atol=1e-4)
     np.testing.assert_allclose(found.low_m, [10.0, -20.0])
     assert found.cell_m == 0.5
+
+
+@pytest.mark.parametrize("write", [ascii_grid, geotiff])
+@pytest.mark.parametrize("hole", [-9999.0, -32767.0, -32768.0, -9999.9, 9001.0, 3.4028234663852886e38])
+def test_values_that_are_no_heights_are_no_data_though_the_file_does_not_say_so(
+    tmp_path: Path, write, hole: float
+) -> None:
+    path = tmp_path / ("m.asc" if write is ascii_grid else "m.tif")
+    if write is geotiff:
+        geotiff(path, model(), no_data=None, hole=hole)
+    else:
+        lines = ascii_grid(path, model()).read_text().replace("NODATA_value -9999\n", "NODATA_value -1\n")
+        path.write_text(lines.replace("-9999.0000", repr(hole)))
+    np.testing.assert_array_equal(np.isnan(height_field.read(path).height_m), np.isnan(HEIGHTS))
+
+
+@pytest.mark.parametrize("no_data", ["-99.9", "-99.90000153"])
+def test_the_value_for_no_data_is_compared_in_the_images_precision(tmp_path: Path, no_data: str) -> None:
+    found = height_field.read(geotiff(tmp_path / "m.tif", model(), no_data=no_data, hole=-99.9))
+    np.testing.assert_array_equal(np.isnan(found.height_m), np.isnan(HEIGHTS))
+
+
+@pytest.mark.parametrize(
+    ("keys", "asked", "unit_m", "said"),
+    [
+        ({}, None, 1.0, "assumed"),
+        ({}, "ft", 0.3048, "as given"),
+        ({3076: 9001}, None, 1.0, "GeoTIFF"),
+        ({3076: 9002, 4099: 9002}, None, 0.3048, "GeoTIFF"),
+        ({3076: 9003, 4099: 9003}, None, 1200 / 3937, "survey"),
+        ({3076: 9003}, "ft", 0.3048, "as given"),
+        ({3072: 2263}, "ft", 0.3048, "as given"),
+    ],
+)
+def test_cells_places_and_heights_are_in_the_unit_that_is_stated(tmp_path: Path, keys, asked, unit_m, said) -> None:
+    path = geotiff(tmp_path / "m.tif", model(), keys=keys)
+    found = height_field.read(path, origin=np.array([9.0, -21.0, 1.0]), unit=asked)
+    np.testing.assert_allclose(found.height_m, (HEIGHTS - 1.0) * unit_m, atol=1e-4)
+    np.testing.assert_allclose([*found.low_m, found.cell_m], np.array([1.0, 1.0, 0.5]) * unit_m)
+    assert said in found.unit
+
+
+@pytest.mark.parametrize(
+    ("keys", "said"),
+    [
+        ({3076: 9036}, "unit 9036"),
+        ({3076: 9001, 4099: 9002}, "one unit"),
+        ({3076: 9003}, "its plane alone; give --unit"),
+        ({4099: 9001}, "its heights alone; give --unit"),
+        ({3072: 2263}, "names a projection and not its unit"),
+    ],
+)
+def test_a_unit_that_is_not_certain_is_refused(tmp_path: Path, keys: dict[int, int], said: str) -> None:
+    with pytest.raises(FlightError, match=said):
+        height_field.read(geotiff(tmp_path / "m.tif", model(), keys=keys))
+
+
+@pytest.mark.parametrize("low_m", [-0.1, 0.0])
+def test_no_air_is_free_beyond_the_cells(low_m: float) -> None:
+    field = HeightField(np.zeros((21, 21)), 0.5, np.array([low_m, low_m]))
+    space = height_field.space(field, 2.0, (0.0, 8.0))
+    free = space.grid.centre(np.argwhere(space.state == FREE))
+    assert len(free)
+    assert free[:, :2].min() - 1.0 >= low_m - 1e-6
+    assert free[:, :2].max() + 1.0 <= low_m + 10.5 + 1e-6
 
 
 def test_a_national_grids_numbers_are_moved_and_else_the_remedy_is_said(tmp_path: Path) -> None:
@@ -80,7 +158,7 @@ def test_nothing_below_a_height_is_free_and_nothing_without_one_is_known(voxel_m
         height_m = heights_at(model(), places + np.append(shift, 0.0))
         below = places[:, 2] - 0.5 * voxel_m < height_m - 1e-9
         assert not (state[below] == FREE).any()
-        assert not (state[np.isnan(height_m)] != UNKNOWN).any() or voxel_m > 0.25  # the last voxel reaches beyond
+        assert (state[np.isnan(height_m)] == UNKNOWN).all()
     free = places[state == FREE]
     assert len(free)
     assert free[:, 2].max() + 0.5 * voxel_m <= 5.0 + 1e-6

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flight import InputError
+from flight import FlightError, InputError
 from mapping import foreign_mesh
 from mapping.dense import usd_file
 
@@ -71,6 +71,89 @@ def test_centimetres_y_up_polygons_and_transforms_of_others_are_read(tmp_path: P
     assert len(read.faces) == 2
     np.testing.assert_allclose(read.vertices_world_m.min(axis=0), [1.0, -3.0, 2.0], atol=1e-6)
     np.testing.assert_allclose(read.vertices_world_m.max(axis=0), [2.0, -3.0, 2.5], atol=1e-6)
+
+
+QUAD = """def Mesh "wall" {
+ int[] faceVertexCounts = [4]
+ int[] faceVertexIndices = [0, 1, 2, 3]
+ point3f[] points = [(0, 0, 0), (5, 0, 0), (5, 0, 3), (0, 0, 3)]
+}
+"""
+HEAD = '#usda 1.0\n(\n metersPerUnit = 1\n upAxis = "Z"\n)\n'
+COPY = """def Xform "copy" (
+ instanceable = true
+ prepend references = </room>
+) {
+ double3 xformOp:translate = (20, 0, 0)
+ uniform token[] xformOpOrder = ["xformOp:translate"]
+}
+"""
+TREES = """def PointInstancer "trees" {
+ int[] protoIndices = [0]
+ point3f[] positions = [(10, 0, 0)]
+ rel prototypes = </trees/p>
+}
+"""
+
+
+def stage(path: Path, text: str) -> Path:
+    pytest.importorskip("pxr.Usd")
+    path.write_text(text)
+    return path
+
+
+def test_instances_are_read_where_they_stand(tmp_path: Path) -> None:
+    read = foreign_mesh.read(stage(tmp_path / "a.usda", HEAD + 'def Xform "room" {\n' + QUAD + "}\n" + COPY))
+    assert len(read.faces) == 4
+    np.testing.assert_allclose(read.vertices_world_m.max(axis=0), [25.0, 0.0, 3.0])
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ('def Cube "pillar" {\n}\n', "shows a Cube, /pillar; only meshes are read"),
+        (TREES, "shows a PointInstancer, /trees"),
+        ('def "other" (\n prepend references = @./not_there.usd@\n) {\n}\n', "is not whole: .*not_there.usd"),
+        (QUAD.replace("wall", "cut").replace("[0, 1, 2, 3]", "[0, 1, 2]"), "damaged"),
+        (QUAD.replace("wall", "cut").replace("[0, 1, 2, 3]", "[0, 1, 2, 4]"), "damaged"),
+        ("nonsense", "damaged, or not USD; export it again$"),
+    ],
+)
+def test_what_would_be_left_out_is_refused_by_name(tmp_path: Path, more: str, said: str) -> None:
+    with pytest.raises(FlightError, match=said):
+        foreign_mesh.read(stage(tmp_path / "a.usda", HEAD + QUAD + more))
+
+
+def test_hidden_things_that_are_no_meshes_do_not_matter(tmp_path: Path) -> None:
+    hidden = 'def Cube "pillar" {\n token visibility = "invisible"\n}\n'
+    assert len(foreign_mesh.read(stage(tmp_path / "a.usda", HEAD + QUAD + hidden)).faces) == 2
+
+
+def test_of_points_over_time_the_earliest_are_read(tmp_path: Path) -> None:
+    later = ".timeSamples = {3: [(0, 0, 0), (5, 0, 0), (5, 0, 3), (0, 0, 3)], 9: [(0, 0, 0)]}"
+    start = QUAD.index(" = [(0")
+    moved = QUAD[:start] + later + "\n}\n"
+    read = foreign_mesh.read(stage(tmp_path / "a.usda", HEAD + moved))
+    np.testing.assert_allclose(read.vertices_world_m.max(axis=0), [5.0, 0.0, 3.0])
+
+
+def test_a_file_without_an_axis_is_said_to_have_none(tmp_path: Path) -> None:
+    read = foreign_mesh.read(stage(tmp_path / "a.usda", "#usda 1.0\n" + QUAD))
+    assert "Pixar's rule; the file does not say" in read.up
+    assert np.ptp(read.vertices_world_m, axis=0) == pytest.approx([5.0, 3.0, 0.0])
+
+
+def test_numbers_are_as_fine_as_the_file_stores_them_whatever_its_transforms(tmp_path: Path) -> None:
+    def moved(points: str, x_m: float) -> Path:
+        place = f"double3 xformOp:translate = ({x_m}, 0, 0)\n"
+        order = 'uniform token[] xformOpOrder = ["xformOp:translate"]\n'
+        return stage(tmp_path / "a.usda", HEAD + f'def Xform "room" {{\n{place}{order}' + points + "}\n")
+
+    far = QUAD.replace("(0, 0, ", "(512000.25, 0, ").replace("(5, 0, ", "(512005.25, 0, ")
+    with pytest.raises(FlightError, match="single precision"):
+        foreign_mesh.read(moved(far, -512000.03))
+    found = foreign_mesh.read(moved(QUAD, 512000.0), origin=np.array([512000.0, 0.0, 0.0]))
+    np.testing.assert_allclose(np.ptp(found.vertices_world_m, axis=0), [5.0, 0.0, 3.0])
 
 
 @pytest.mark.parametrize("name", ["a.vdb", "a.nvdb", "a.nvblx", "a.vxblx"])

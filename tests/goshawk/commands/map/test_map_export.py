@@ -12,6 +12,8 @@ import trimesh
 
 import mapping
 from esdf import UNKNOWN
+from flight import InputError
+from goshawk.commands.map import export_map
 from mapping import map_parts
 from mapping.sparse.tracks import Tracks
 from tests.goshawk.commands.map.test_map_copy_verbs import folder
@@ -89,3 +91,17 @@ def test_an_elevation_model_and_distances_are_those_of_the_map(folder: Path, tmp
     assert 0 < len(layer) < len(places)
     assert np.ptp(layer[:, 2]) == 0.0
     assert abs(layer[0, 2] - height_m) <= 0.5 * area.field.grid.voxel_m[2] + 1e-9
+    ended = answer("map", "import", tmp_path / "d.ply", "--out", tmp_path / "none")
+    assert ended.returncode == 2
+    assert "holds distances at all voxels, not measured points" in ended.stderr
+
+
+def test_more_distances_than_memory_is_for_are_refused_and_a_slice_is_not(folder: Path, monkeypatch) -> None:
+    area = mapping.open_map(folder)
+    known = area.field.state != UNKNOWN
+    layer = int(np.argmax(known.any(axis=(0, 1))))
+    monkeypatch.setattr(export_map, "MOST_DISTANCES", int(known[:, :, layer].sum()))
+    with pytest.raises(InputError, match="give --height, for one slice"):
+        export_map._distances(area, None)
+    height_m = float(area.field.grid.centre([0, 0, layer])[2])
+    assert export_map._distances(area, height_m)[1] == known[:, :, layer].sum()

@@ -47,6 +47,9 @@ def test_what_is_missing_is_asked_for(tmp_path: Path) -> None:
     )
     advice = run("map", "import", file, "--out", tmp_path / "dry", *ORIGIN, "--voxel", "0.25", "--dry-run")
     assert "--heights LOW,HIGH" in advice
+    assert "0 of 1,200 cells without data" in advice
+    assert "assumed: the file does not say" in advice
+    assert "rule" not in advice
     assert not (tmp_path / "dry").exists()
 
 
