@@ -106,7 +106,8 @@ def lagged(flight: Flight, vehicle: Vehicle) -> tuple[FloatArray, FloatArray, Fl
         reached, by_sag = commands * (1.0 - vehicle.value(SAG) * below_v), -(commands * below_v)[:, :, None]
     rise_s, fall_s = (known[name].value if name in known else 0.0 for name in (RISE, FALL))
     values, by = np.empty((2, *commands.shape)), np.empty((2, *commands.shape, len(PARAMETERS)))
-    _sysid.drive(steps, np.ascontiguousarray(reached), np.ascontiguousarray(by_sag), rise_s, fall_s, *values, *by)
+    fed = np.ascontiguousarray(reached), np.ascontiguousarray(by_sag)
+    _sysid.drive(steps, *fed, rise_s, fall_s, values[0], values[1], by[0], by[1])
     return values[0, skipped:], values[1, skipped:], by[0, skipped:], by[1, skipped:]
 
 

@@ -180,7 +180,7 @@ def _rotors(
     strong = thrust >= 0.5 * np.quantile(thrust, 0.95)  # a log may begin long before the flight
     ratio = float(np.median(thrust[strong]) / np.median(needed[strong]))
     if 0.4 < ratio * RAD_S_PER_RPM**2 < 2.5:
-        return [_rpm(float(np.median(speed))) if ratio > ELECTRICAL**2 else _electrical(float(np.sqrt(ratio)))]
+        return [_rpm(log, float(np.median(speed))) if ratio > ELECTRICAL**2 else _electrical(float(np.sqrt(ratio)))]
     found = []
     if not 0.25 < ratio < 4.0:
         sentence = f"the rotors make {ratio:.2g} times the thrust that the motion needs"
