@@ -108,8 +108,8 @@ def adjusted(seen: Observations, state: State, recorded: Recorded) -> tuple[Stat
     """
     if np.isfinite(recorded.at(0.0) * state.T_world_body)[:, 0, 0].sum() < _LEAST_POSES:
         return None
-    floor = np.array(recorded.std or _LEAST_STD)
-    std, correlation = np.array(recorded.std or USUAL_STD), np.zeros(2)
+    floor = np.maximum(recorded.std or _LEAST_STD, _LEAST_STD)
+    std, correlation = np.maximum(recorded.std or USUAL_STD, _LEAST_STD), np.zeros(2)
     fit, off = _fitted(state, recorded, _begin(state, recorded), std)
     for _ in range(_ROUNDS):
         pull = _pull(state, off, std, correlation, fit.scale)
