@@ -17,7 +17,7 @@ import numpy as np
 from flight import FloatArray, frames, rotations
 from mapping.camera import errors
 from mapping.camera.errors import PLAUSIBLE, Candidate, State
-from mapping.camera.normal_equations import Points, Pull, Reduced, Rows, Sums, cells, eliminate_points, robust
+from mapping.camera.normal_equations import Points, Pull, Reduced, Rows, Shifts, Sums, cells, eliminate_points, robust
 from mapping.camera.rig import Rig
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class Normal:
         self.noise_px, self.huber_px, weight = robust(left[used], redundancy)
         whitening = np.zeros(len(left))
         whitening[used] = np.sqrt(weight) / self.noise_px
-        shifts = _Shifts(self.tried, seen.rig)
+        shifts = Shifts(self.tried, seen.rig)
         cell = cells(seen.index[:, 2], seen.pixels, np.array([(c.width, c.height) for c in seen.rig]))
         count = folds * max(1, round(len(left) / (folds * _BLOCK_ROWS)))
         self._points: list[Points] = []
@@ -303,19 +303,26 @@ class Normal:
             groups = np.eye(_MOST_GROUPS)[part]  # neighbours in one group: fewer, and no less shared
             moved = covariance @ (self._of_calibration(scores)[k] @ groups)
             columns.append(self._reduced.factor.solve(scores[:n] @ groups) - by_calibration @ moved)
+        through, pulled, of_shared = self.shared(self.tried)
+        columns = [of_group + through @ (of_shared @ (pulled.T @ of_group)) for of_group in columns]
         T = state.T_world_body[self._placed]
         outward = T[:, :3, 3] - T[self._matched, :3, 3].mean(axis=0)
         whole = np.concatenate(
             [np.tile(np.eye(3), (len(T), 1, 1)), rotations.hat(outward), outward[:, :, None]], axis=2
         )
         basis = np.linalg.qr((self._matched[:, None, None] * whole).reshape(-1, 7))[0]
-        alone = self._shape_alone(T, basis, by_calibration, covariance)
-        variance = alone.copy()
-        for of_group in columns:
-            own = of_group.reshape(len(T), self._width, -1)[:, 3:6]
+
+        def squared(columns: FloatArray) -> FloatArray:
+            own = columns.reshape(len(T), self._width, -1)[:, 3:6]
             flat = (T[:, :3, :3] @ own).reshape(3 * len(T), -1)
             left = (flat - basis @ (basis.T @ flat)).reshape(len(T), -1)
-            variance += np.maximum((left**2).sum(axis=1) - alone, 0.0)
+            return np.asarray((left**2).sum(axis=1))
+
+        alone = self._shape_alone(T, basis, by_calibration, covariance)
+        alone += squared(through @ np.linalg.cholesky(of_shared))
+        variance = alone.copy()
+        for of_group in columns:
+            variance += np.maximum(squared(of_group) - alone, 0.0)
         std = np.full(len(state.T_world_body), np.nan)
         std[self._placed[self._matched]] = np.sqrt(variance[self._matched])
         return std
@@ -341,6 +348,33 @@ class Normal:
         variance += (through * (covariance @ through)).sum(axis=0)
         return np.interp(np.arange(len(T)), asked, np.maximum(variance.reshape(-1, 3).sum(axis=1), 0.0))
 
+    def shared(self, free: Sequence[Candidate]) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """What priors share (q unknowns) beside the poses, if the errors in `free` are not known either.
+
+        Returns:
+            By how much the poses fall per unit of each (6 instants, q), its pull at them (6 instants, q), and the
+            covariance (q, q), which holds the poses' own.
+        """
+        n = self._width * len(self._placed)
+        if self._pull is None:
+            return np.zeros((n, 0)), np.zeros((n, 0)), np.zeros((0, 0))
+        slopes = np.zeros((len(self._placed), self._width, self._pull.shared.shape[2]))
+        slopes[:, :6] = self._pull.shared
+        pulled = slopes.copy()
+        pulled[:, :6] *= self._pull.weight[..., None]
+        slopes, pulled = slopes.reshape(n, -1), pulled.reshape(n, -1)
+        by_calibration = self._reduced.poses_by_calibration[:, self._unknowns(free)]
+        _, covariance = self.solve(free)
+        through = self._reduced.factor.solve(pulled) + by_calibration @ (covariance @ (by_calibration.T @ pulled))
+        curvature = slopes.T @ pulled - pulled.T @ through + np.diag(self._pull.shared_std**-2)
+        of_shared = np.linalg.inv(curvature)
+        return through, pulled, 0.5 * (of_shared + of_shared.T)
+
+    def shared_step(self) -> FloatArray:
+        """(q,) by which what priors share moves in a step of the poses, from where it fits them best."""
+        _, pulled, of_shared = self.shared([])
+        return np.asarray(-of_shared @ (pulled.T @ self._reduced.poses))
+
     def pose_variances(self, placed: np.ndarray) -> FloatArray:
         """(n, 6) of turn and motion of the body, in its frame, of some (n,) of the placed instants."""
         unknown = (self._width * placed[:, None] + np.arange(6)).ravel()
@@ -358,6 +392,9 @@ class Normal:
         calibration = np.zeros(len(self._reduced.marginal.gradient))
         calibration[k] = delta
         poses = share * self._reduced.poses - self._reduced.poses_by_calibration @ calibration
+        if self._pull is not None:
+            assert not free, "priors hold the poses of a calibration that stays"
+            poses = poses - share * self.shared([])[0] @ self.shared_step()
         T = state.T_world_body.copy()
         xi = poses.reshape(-1, self._width)
         T[self._placed] = T[self._placed] @ frames.transform(rotations.exp(xi[:, :3]), xi[:, 3:6])
@@ -372,28 +409,6 @@ class Normal:
         for c in free:
             changed = errors.corrected(changed, c, delta[self.place(free, c)])
         return changed
-
-
-class _Shifts:
-    """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
-
-    def __init__(self, tried: Sequence[Candidate], rig: Rig) -> None:
-        self._names = [camera.name for camera in rig]
-        self._sums = {c: np.zeros((len(c.kind.units),) * 2) for c in tried}
-        self._counts = dict.fromkeys(self._names, 0)
-
-    def add(self, rows: Rows, number: np.ndarray) -> None:
-        for k, name in enumerate(self._names):
-            self._counts[name] += int((number == k).sum())
-        start = 0
-        for c, total in self._sums.items():
-            stop = start + len(c.kind.units)
-            own = rows.calibration[number == self._names.index(c.camera), :, start:stop]
-            total += np.einsum("oki,okj->ij", own, own)
-            start = stop
-
-    def mean(self) -> dict[Candidate, FloatArray]:
-        return {c: total / max(self._counts[c.camera], 1) for c, total in self._sums.items()}
 
 
 def residuals(seen: Observations, state: State) -> FloatArray:

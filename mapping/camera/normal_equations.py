@@ -1,11 +1,14 @@
 """Normal equations of a bundle adjustment in blocks: points, poses and calibration eliminated in turn."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flight import FloatArray
+from mapping.camera.errors import Candidate
+from mapping.camera.rig import Rig
 
 if TYPE_CHECKING:
     from scipy import sparse as sp
@@ -147,6 +150,32 @@ class Pull:
     """(placed, 6) inverse variances."""
     off: FloatArray
     """(placed, 6) of the poses from the priors."""
+    shared: FloatArray
+    """(placed, 6, q) derivatives of `off` in what all priors share and nobody knows: frame, scale, clock ..."""
+    shared_std: FloatArray
+    """(q,) of what is known of that beforehand."""
+
+
+class Shifts:
+    """For each candidate (n, n): the mean square shift per unit of its parameters, over the camera's observations."""
+
+    def __init__(self, tried: Sequence[Candidate], rig: Rig) -> None:
+        self._names = [camera.name for camera in rig]
+        self._sums = {c: np.zeros((len(c.kind.units),) * 2) for c in tried}
+        self._counts = dict.fromkeys(self._names, 0)
+
+    def add(self, rows: Rows, number: np.ndarray) -> None:
+        for k, name in enumerate(self._names):
+            self._counts[name] += int((number == k).sum())
+        start = 0
+        for c, total in self._sums.items():
+            stop = start + len(c.kind.units)
+            own = rows.calibration[number == self._names.index(c.camera), :, start:stop]
+            total += np.einsum("oki,okj->ij", own, own)
+            start = stop
+
+    def mean(self) -> dict[Candidate, FloatArray]:
+        return {c: total / max(self._counts[c.camera], 1) for c, total in self._sums.items()}
 
 
 @dataclass(frozen=True, slots=True, eq=False)

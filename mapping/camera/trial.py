@@ -169,7 +169,7 @@ def hold(seen: Observations, recorded: Recorded | None = None) -> Trial:
     findings = [_finding(normal, present, sizes, c) for c in tried]
     scale_std, findings = _scale(normal, state, present, findings)
     findings.sort(key=lambda f: (f.verdict is not Verdict.PRESENT, -f.shift_px if f.candidate in present else 0.0))
-    held = pose_priors.adjusted(seen, state, recorded) if recorded is not None else None
+    held = pose_priors.adjusted(seen, state, recorded, tried) if recorded is not None else None
     if held is not None:
         state, pull, _ = held
         normal = Normal(seen, state, tried, pull=pull)

@@ -38,7 +38,7 @@ def read(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[FloatArray, tupl
         lines: numbers and texts of the file's lines, without comments, the header first.
 
     Raises:
-        FormatError: a column is missing, or a cell is no number.
+        FormatError: a column is missing, a cell is no number, or a standard deviation is not above 0.
     """
     names = [name.strip() for name in lines[0][1].split(",")]
     asked = header(lines[0][1])
@@ -50,8 +50,24 @@ def read(path: Path, lines: Sequence[tuple[int, str]]) -> tuple[FloatArray, tupl
         rows[:, 0] /= _US_PER_S
     if not set(_STD) <= set(names):
         return rows, None
-    std = np.array([_cells(path, number, line, names, _STD) for number, line in lines[1:]]).reshape(-1, 4)
+    std = np.array([_stds(path, number, line, names) for number, line in lines[1:]]).reshape(-1, 4)
+    std = std[np.isfinite(std).all(axis=1)]
+    if not len(std):
+        return rows, None
     return rows, (float(np.median(std[:, 3])), float(np.median(np.sqrt((std[:, :3] ** 2).mean(axis=1)))))
+
+
+def _stds(path: Path, number: int, line: str, names: Sequence[str]) -> list[float]:
+    """Standard deviations of one pose, NaN where they are not known."""
+    words = line.split(",")
+    values = [cells.number(words[names.index(name)], path, number, name) for name in _STD]
+    for name, value in zip(_STD, values, strict=True):
+        if value <= 0.0:
+            raise FormatError(
+                f"{path}, line {number}: {name} is {value:g}, but a standard deviation is above 0; leave the cell "
+                "empty where it is not known"
+            )
+    return values
 
 
 def _cells(path: Path, number: int, line: str, names: Sequence[str], asked: Sequence[str]) -> list[float]:

@@ -18,6 +18,7 @@ import numpy as np
 
 from flight import FloatArray, FormatError, InputError, MapError, errors, frames, rotations
 from mapping import reach
+from mapping.camera.pose_priors import LATE_SIGMAS
 from mapping.camera.rig import Rig
 from mapping.camera.trial import LEAST_BASELINE_M
 from mapping.input.images import ImageSet, read_table
@@ -293,6 +294,9 @@ def _checked(
     if found is None or recorded.kind not in clocks:
         return found
     late_s, late_std_s = clocks[recorded.kind]
+    apart_s = abs(found.late_s - late_s) if found.late_s is not None else 0.0
+    if apart_s > LATE_SIGMAS * float(np.hypot(found.late_std_s or 0.0, late_std_s)):  # a jump of the poses rather
+        return dataclasses.replace(found, late_s=None, late_std_s=None)
     return dataclasses.replace(found, late_s=late_s, late_std_s=late_std_s)
 
 

@@ -117,9 +117,11 @@ def _recorded(images: ImageSet, placed: PlacedImages) -> Recorded | None:
     """Recorded poses that placed images, as priors; odometry drifts, and depth images give the poses by themselves."""
     for motion in images.motions:
         if motion.kind is MotionKind.POSES and motion.kind in placed.tracked_body and images.depths is None:
+            agreeing = np.isin(np.arange(len(images.time_s)), placed.agreeing.get(motion.kind, []))
+            when_s = np.where(agreeing, images.time_s, np.nan)  # beyond a jump the matches contradict them
             return Recorded(
                 motion.name,
-                lambda late_s, path=motion.trajectory: path.at(images.time_s + late_s),
+                lambda late_s, path=motion.trajectory, when_s=when_s: path.at(when_s + late_s),
                 placed.tracked_body[motion.kind],
                 _is_dense(motion.trajectory.time_s, images.time_s),
                 motion.trajectory.std,
@@ -129,7 +131,7 @@ def _recorded(images: ImageSet, placed: PlacedImages) -> Recorded | None:
 
 def _clocks(trial: Trial) -> dict[str, list[float]]:
     judged = trial.priors
-    if judged is None or judged.late_std_s == 0.0:
+    if judged is None or judged.refused or judged.late_std_s == 0.0:
         return {}
     return {MotionKind.POSES: [judged.late_s, max(judged.late_std_s, _LEAST_CLOCK_STD_S)]}
 

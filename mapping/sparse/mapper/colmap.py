@@ -1,6 +1,7 @@
 """The steps that COLMAP runs: features, matches, incremental mapping. Runs in a child process only (see `child`)."""
 
 import contextlib
+import dataclasses
 import json
 import logging
 import shutil
@@ -81,6 +82,8 @@ class PlacedImages:
     """By the kind of a recording whose poses placed the images: the body on what was tracked, (4, 4)."""
     cpu_s: dict[str, float]
     """CPU seconds of each step, all threads."""
+    agreeing: dict[str, list[int]] = dataclasses.field(default_factory=dict)
+    """By the kind of such a recording: the instants at which the matches agree with its poses."""
 
 
 def place_images(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> PlacedImages:
@@ -127,6 +130,8 @@ def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptio
         model, known, by_motion["motion_notes"] = place_beside(database, images, options, progress)
         if known is not None:
             by_motion["tracked_body"] = {known.motion.kind: known.T_tracked_body.tolist()}
+            agreeing = np.flatnonzero(np.isfinite(known.T_world_body[:, 0, 0]))
+            by_motion["agreeing"] = {known.motion.kind: agreeing.tolist()}
         refine(database, model, images.rig, options, progress)
     model.write(folder)
     (folder / _BY_MOTION).write_text(json.dumps(by_motion))

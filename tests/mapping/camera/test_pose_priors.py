@@ -21,9 +21,9 @@ T_BODY_THING = frames.transform(rotations.exp([0.4, -1.2, 2.3]), [0.05, -0.1, 0.
 
 
 @functools.cache
-def flown(places_each: int, noise_px: float) -> tuple[Observations, FloatArray]:
+def flown(places_each: int, noise_px: float, seed: int = 0) -> tuple[Observations, FloatArray]:
     """Features of places up to 6 m away along a fast flight of 24 m, and the true poses."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     true = formula.pose(TIMES_S)
     places = rng.uniform([-2.0, -4.0, -1.0], [32.0, 4.0, 5.0], (places_each * len(TIMES_S) // 24, 3))
     index, pixels = [], []
@@ -62,9 +62,10 @@ def recorded(
     T_body_thing: FloatArray = SAME,
     T_thing_body: FloatArray = SAME,
     stated: tuple[float, float] | None = None,
+    seed: int = 1,
 ) -> Recorded:
     """Poses of a thing on the body, a frame of their own, every 25 ms."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     at_s = np.arange(-1.0, 8.0, 0.025)
     T = formula.pose(at_s) @ T_body_thing
     T = T @ frames.transform(rotations.exp(turn * rng.normal(size=(len(T), 3))), shift_m * rng.normal(size=(len(T), 3)))
@@ -200,3 +201,55 @@ def test_fewer_than_six_poses_hold_nothing() -> None:
 
     state = adjustment.initial(seen)
     assert pose_priors.adjusted(seen, state, Recorded("vio", five, np.eye(4), is_dense=True)) is None
+
+
+def jumping(T: FloatArray) -> FloatArray:
+    T[30:, :3, 3] += [0.3, -0.3, 0.2]
+    return T
+
+
+def turning(T: FloatArray) -> FloatArray:
+    T[35:] = frames.transform(rotations.from_yaw(0.1), [0.0, 0.0, 0.0]) @ T[35:]
+    return T
+
+
+def growing(T: FloatArray) -> FloatArray:
+    T[:, :3, 3] *= np.linspace(1.0, 1.3, len(T))[:, None]
+    return T
+
+
+@pytest.mark.parametrize("wrong", [jumping, turning, growing])
+def test_poses_with_a_jump_or_a_drift_of_scale_are_refused_and_leave_the_map(wrong) -> None:
+    seen, _ = weak()
+    poses = recorded()
+    alone, both, judged = held(
+        seen, Recorded("vio", lambda late_s: wrong(poses.at(late_s).copy()), SAME, is_dense=True)
+    )
+    assert both is alone
+    assert "jump" in judged.refused
+    assert judged.refused in judged.text
+    assert "clock" not in judged.text
+
+
+def test_poses_that_do_not_settle_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pose_priors, "_ROUNDS", 1)
+    seen, _ = weak()
+    alone, both, judged = held(seen, recorded())
+    assert both is alone
+    assert "did not settle" in judged.text
+
+
+def test_what_all_priors_share_is_not_known_in_the_deviations_of_shape_and_clock() -> None:
+    """Errors of the map over what is stated, and of a right clock, over draws: neither is overconfident."""
+    ratios, clocks = [], []
+    for seed in range(3):
+        seen, true = flown(30, 1.0, seed)
+        alone, _ = adjustment.adjust(seen, adjustment.initial(seen), [])
+        found = pose_priors.adjusted(seen, alone, recorded(seed=seed + 1))
+        assert found is not None
+        state, pull, judged = found
+        std = adjustment.Normal(seen, state, [], pull=pull).shape_std(state)
+        ratios.append(off(state.T_world_body, true)[0] / np.sqrt(np.nanmean(std**2)))
+        clocks.append(judged.late_s / judged.late_std_s)
+    assert np.sqrt(np.mean(np.square(ratios))) < 1.3
+    assert np.abs(clocks).max() < 3.0

@@ -477,3 +477,12 @@ def test_a_clock_that_the_priors_found_is_the_one_that_is_said(tmp_path: Path) -
     )
     (said,) = doubts(found)
     assert "0.051 ± 0.002 s late" in said
+
+
+def test_two_clocks_that_contradict_each_other_are_not_said(tmp_path: Path) -> None:
+    images = beside(MotionKind.POSES, write_tum(tmp_path / "p", RECORDED_S, pose(RECORDED_S)))
+    references = alignment.read_references(images)
+    clocks = {MotionKind.POSES: [-0.071, 0.005]}  # as by poses that jump
+    found = alignment.align(images, old(), references, baseline_std=None, length=None, clocks=clocks)
+    assert found.motions[0].late_s is None
+    assert not doubts(found)

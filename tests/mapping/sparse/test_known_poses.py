@@ -218,8 +218,10 @@ def test_only_poses_that_placed_images_without_depth_are_priors(made) -> None:
     T_tracked_body = frames.invert(RIG["down"].T_body_camera)
     body = {MotionKind.POSES: T_tracked_body, MotionKind.ODOMETRY: T_tracked_body}
 
+    agreeing = list(range(len(TIME_S)))
+
     def priors(images: ImageSet, tracked_body: dict[str, FloatArray]) -> Recorded | None:
-        placed = PlacedImages(Path("db"), Path("model"), 0.0, [], [], tracked_body, {})
+        placed = PlacedImages(Path("db"), Path("model"), 0.0, [], [], tracked_body, {}, {MotionKind.POSES: agreeing})
         return calibration._recorded(images, placed)
 
     beside = recorded(images, flown(FINE_S + 0.05))
@@ -228,6 +230,10 @@ def test_only_poses_that_placed_images_without_depth_are_priors(made) -> None:
     assert found.is_dense
     np.testing.assert_array_equal(found.T_tracked_body, T_tracked_body)
     np.testing.assert_allclose(found.at(-0.05), flown(TIME_S), atol=2e-3)
+    agreeing.remove(2)  # as beyond a jump
+    masked = priors(beside, body)
+    assert masked is not None
+    assert np.flatnonzero(np.isnan(masked.at(-0.05)[:, 0, 0])).tolist() == [2]
     assert priors(beside, {}) is None
     assert priors(recorded(images, flown(FINE_S), kind=MotionKind.ODOMETRY), body) is None
     assert priors(dataclasses.replace(beside, depths=DepthFolder(Path("depth"))), body) is None
