@@ -58,7 +58,7 @@ class Wall(conftest.Wall):
 
 def throughput(flights: int, peer: str) -> list[report.Row]:
     drone, path = conftest.exact_vehicle(), long_path()
-    options = preflight.Options(flights=flights, uncertainty=WEATHER, explain=False)
+    options = preflight.Options(flights=flights, uncertainty=WEATHER, rate_hz=500, explain=False)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
     found = preflight.fly(preflight.Scenario(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0), options)
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
@@ -89,7 +89,7 @@ def crazyflow(interpreter: str) -> float:
 
 def same_bits() -> list[report.Row]:
     drone = draws.flown_form(conftest.exact_vehicle())
-    loop = core.Loop(drone, long_path(), controller.parameters_of(drone), clearance_m=1.0)
+    loop = core.Loop(drone, long_path(), controller.parameters_of(drone), clearance_m=1.0, rate_hz=500)
     drawn = draws.draw(drone, loop.names, WEATHER, 8, 1)
     one, many = (loop.fly(drawn.values, drawn.rows, seed=1, threads=n) for n in (1, os.cpu_count() or 2))
     equal = np.array_equal(one.position_world_m, many.position_world_m, equal_nan=True)

@@ -13,7 +13,7 @@ from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Progress, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
-from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, WITHIN, Air, Flown, Loop
+from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, RATE_HZ, WITHIN, Air, Flown, Loop, require_rate
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
@@ -48,8 +48,8 @@ class Options:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     sensors: Sensors = field(default_factory=Sensors.typical)
     air: Air = field(default_factory=Air)
-    rate_hz: int = 500
-    """Of the controller."""
+    rate_hz: int | None = None
+    """Of the controller; None: not known, `core.RATE_HZ` is assumed."""
     rotor_speed_measured: bool = False
     """Whether the vehicle tells the controller the speeds of its rotors."""
     threads: int | None = None
@@ -77,6 +77,19 @@ class Options:
             )
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise InputError(f"a seed of {self.seed}; it must be from 0 to {_LARGEST_SEED}")
+        require_rate(self.flown_hz)
+
+    @property
+    def flown_hz(self) -> int:
+        """Rate of the controller, known or assumed."""
+        return RATE_HZ if self.rate_hz is None else self.rate_hz
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """A sentence for what is not known of the controller."""
+        return (
+            () if self.rate_hz is not None else (f"a controller of {RATE_HZ} Hz, as that of `goshawk sitl` (--rate)",)
+        )
 
     @property
     def by_levels(self) -> bool:
@@ -107,7 +120,7 @@ def fly(scenario: Scenario, options: Options | None = None, *, progress: Progres
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
+    assumed = drawn.assumed + options.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
     if options.decide_only:
         return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
@@ -217,7 +230,7 @@ class _Study:
             clearance_m=self.scenario.clearance_m,
             sensors=_sensors(self.options.sensors, uncertainty),
             air=self.options.air,
-            rate_hz=self.options.rate_hz,
+            rate_hz=self.options.flown_hz,
             rotor_speed_measured=self.options.rotor_speed_measured,
             floor_m=self.between[0],
             ceiling_m=self.between[1],

@@ -1,11 +1,14 @@
 """A preflight: what it concludes of a wall beside the way."""
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import preflight
+from firmware_bridge import closed_loop
+from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import InputError, Trajectory
 from preflight import clearance, core, draws, remedies, statistics, study
 from preflight.result import BINS
@@ -97,7 +100,7 @@ def test_a_floor_or_ceiling_near_the_path_lets_the_rotors_turn_slower(drone, cur
     near = drone.with_effect(effect, strength=1.0)
     reserve = []  # towards the slowest speed
     for model, room in ((drone, Room(room_m)), (near, Room(room_m)), (near, Wall(1.0))):
-        options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, explain=False)
+        options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, rate_hz=500, explain=False)
         found = preflight.fly(preflight.Scenario(model, path, room, radius_m=0.1, clearance_m=1.0), options)
         reserve.append(float(found.record.rotor_reserve.mean()))
     assert reserve[1] < reserve[0] - 0.002
@@ -335,6 +338,22 @@ def test_a_wind_against_which_it_would_lean_beyond_its_limit_is_refused(drone):
 def test_a_risk_that_no_number_of_flights_shows_is_refused(risk):
     with pytest.raises(InputError, match="a risk of"):
         preflight.Options(risk=risk)
+
+
+@pytest.mark.parametrize("rate_hz", [250, 1001])
+def test_a_control_rate_that_the_observer_does_not_bear_is_refused_before_a_flight(rate_hz):
+    with pytest.raises(InputError, match=f"a control rate of {rate_hz} Hz: it must be 400 to 1000"):
+        preflight.Options(rate_hz=rate_hz)
+
+
+def test_an_unknown_control_rate_is_that_of_sitl_and_said_to_be_assumed():
+    assert preflight.Options().flown_hz == core.RATE_HZ == 400
+    assert core.RATE_HZ * closed_loop.TICK_US == 1_000_000
+    assert inspect.signature(SitlVehicle).parameters["tick_hz"].default == core.RATE_HZ
+    (said,) = preflight.Options().assumed
+    assert "400 Hz" in said
+    assert preflight.Options(rate_hz=500).flown_hz == 500
+    assert preflight.Options(rate_hz=400).assumed == ()
 
 
 @pytest.mark.parametrize("seed", [-1, 2**32])
