@@ -335,17 +335,17 @@ class _Study:
     def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         loop = self.loop(self.options.uncertainty, self.scenario.vehicle)
         value, lost = spread(record), record.lost.astype(np.float64)
-        shares = statistics.variance_shares(value, drawn.factors)
         many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
-        loss = statistics.variance_shares(lost, drawn.factors) if many else {}
-        left, steps = max(0.0, 1.0 - sum(shares.values())), 0  # all first-order shares together are at most 1
-        for kind in self._kinds():
-            told = ((shares, statistics.decomposable(value), self._anew, left), (loss, many, self._kept, 1.0))
-            for found, share, most in ((found, share, most) for found, enough, share, most in told if enough):
-                within, taken = share(kind, loop, record, drawn)
-                found[kind] = found.get(kind, 0.0) + min(within, most)
+        told = ((value, statistics.decomposable(value), self._anew), (lost, many, self._kept))
+        found, steps = [], 0
+        for values, enough, share in told:
+            shares = statistics.adjusted_shares(values, drawn.factors) if enough else {}
+            within: dict[str, float] = {}
+            for kind in self._kinds() if enough else ():
+                within[kind], taken = share(kind, loop, record, drawn)
                 steps += taken
-        return _largest_first(shares), _largest_first(loss), steps
+            found.append(_together(shares, within))
+        return found[0], found[1], steps
 
     def _kinds(self) -> list[str]:
         given = self.options.uncertainty
@@ -415,8 +415,15 @@ class _Study:
         return Removed(factor, statistics.Probability.of(record.lost) if found is None else found.risk)
 
 
-def _largest_first(shares: dict[str, float]) -> dict[str, float]:
-    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+def _together(drawn: dict[str, float], within: dict[str, float]) -> dict[str, float]:
+    """Shares of what was drawn (`adjusted_shares`) and of what comes anew in every flight, scaled down to what those
+    leave: all first-order shares together are at most 1."""
+    left, asked = max(0.0, 1.0 - sum(drawn.values())), sum(within.values())
+    scale = min(1.0, left / asked) if asked > 0.0 else 1.0
+    shares = statistics.at_least_nil(drawn)
+    return statistics.at_least_nil(
+        shares | {kind: shares.get(kind, 0.0) + scale * share for kind, share in within.items()}
+    )
 
 
 def _sensors(sensors: Sensors, uncertainty: Uncertainty) -> Sensors:

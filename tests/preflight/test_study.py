@@ -193,6 +193,22 @@ def test_luck_has_no_more_of_the_spread_than_what_was_drawn_leaves(drone, curve,
     assert found.shares[remedies.NOISE] <= 1.0 - found.shares["localization"]
 
 
+def test_all_luck_together_has_no_more_than_what_was_drawn_leaves(drone, curve, monkeypatch):
+    """What noise and gusts only change together, both change: more than all of the variance, each counted whole."""
+    monkeypatch.setattr(study._Study, "_anew", lambda *asked: (0.8, 0))
+    found = flown(drone, curve, 9.0, uncertainty=replace(EXACT, gust_std_m_s=0.25), flights=60, explain=False)
+    assert found.shares[remedies.NOISE] == pytest.approx(0.5, abs=0.05)
+    assert sum(found.shares.values()) == pytest.approx(1.0, abs=0.05)
+
+
+def test_luck_is_scaled_to_what_was_drawn_leaves_and_keeps_its_order():
+    drawn, within = {"wind": 0.25, "mass_kg": -0.05, "gusts": 0.1}, {"gusts": 0.8, "sensor noise": 0.6}
+    shares = study._together(drawn, within)
+    assert shares == pytest.approx({"gusts": 0.5, "sensor noise": 0.3, "wind": 0.25, "mass_kg": 0.0})
+    assert next(iter(shares)) == "gusts"
+    assert study._together(drawn, {"gusts": 0.2})["gusts"] == pytest.approx(0.3)
+
+
 def test_gaps_of_the_pose_that_lose_flights_are_named_and_their_removal_saves_them(drone, curve):
     found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, drop_outs_per_s=0.1, drop_out_s=1.0), flights=60)
     assert 10 <= found.lost.count < 50
@@ -299,7 +315,7 @@ def test_ctrl_c_after_the_last_flight_keeps_them_and_explains_nothing(drone, cur
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(statistics, "variance_shares", interrupted)
+    monkeypatch.setattr(statistics, "adjusted_shares", interrupted)
     found = flown(drone, curve, 1.0)
     assert found.go
     assert found.flights == 60
