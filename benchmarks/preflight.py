@@ -27,6 +27,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import report
 
 import preflight
+import vehicle
 from firmware_bridge import controller
 from flight import FloatArray, Trajectory
 from preflight import _preflight, core, draws, statistics, study
@@ -39,6 +40,8 @@ RADIUS_M = 0.2
 CRAZYFLOW_STEPS_PER_CPU_S, CRAZYFLOW_WORLDS = 0.10e6, 1024
 """Of crazyflow, as the bar was set on a machine of two cores; for want of a `--peer`."""
 CHUNK, FIRST_SEED = 1000, 10000
+SHORT = (1.0, 1.0)
+"""Length in m and duration in s of a short plan, one way."""
 WEATHER = Uncertainty(wind_m_s=2.0, gust_std_m_s=1.0)
 
 
@@ -58,7 +61,7 @@ class Wall(conftest.Wall):
 
 def throughput(flights: int, peer: str) -> list[report.Row]:
     drone, path = conftest.exact_vehicle(), long_path()
-    options = preflight.Options(flights=flights, uncertainty=WEATHER, explain=False)
+    options = preflight.Options(flights=flights, uncertainty=WEATHER, rate_hz=500, explain=False)
     cpu_s, wall_s = time.process_time(), time.perf_counter()
     found = preflight.fly(preflight.Scenario(drone, path, Wall(0.5), radius_m=RADIUS_M, clearance_m=1.0), options)
     cpu_s, wall_s = time.process_time() - cpu_s, time.perf_counter() - wall_s
@@ -89,7 +92,7 @@ def crazyflow(interpreter: str) -> float:
 
 def same_bits() -> list[report.Row]:
     drone = draws.flown_form(conftest.exact_vehicle())
-    loop = core.Loop(drone, long_path(), controller.parameters_of(drone), clearance_m=1.0)
+    loop = core.Loop(drone, long_path(), controller.parameters_of(drone), clearance_m=1.0, rate_hz=500)
     drawn = draws.draw(drone, loop.names, WEATHER, 8, 1)
     one, many = (loop.fly(drawn.values, drawn.rows, seed=1, threads=n) for n in (1, os.cpu_count() or 2))
     equal = np.array_equal(one.position_world_m, many.position_world_m, equal_nan=True)
@@ -109,7 +112,11 @@ def coverage(truths: int, flights: int) -> list[report.Row]:
 
 
 def of_other_physics(truths: int) -> list[report.Row]:
-    """A truth that shares no line with a preflight, identified from its logs, preflown and flown."""
+    """A truth whose plant and gusts share no line with a preflight, identified from its logs, preflown and flown.
+
+    Shared are the controller and its rate, the sensors' noise (`Sensors.typical`), the gusts' size and length, the
+    forms of the laws of thrust and drag, and how far the truths' lags spread: as far as the model says.
+    """
     (fifty, ninety, ninety_nine), seen = test_exam_of_other_physics.beside(truths, 1000)
     rows = [
         report.row(f"90 % tube holds in {truths} flights of other physics", 100.0 * ninety, "%", "87-93",
@@ -124,13 +131,20 @@ def short(
     flights: int, seed: int, uncertainty: Uncertainty, wall_m: float = 0.0, by_levels: bool = False
 ) -> preflight.Result:
     """Flights of a plan of 2 s, 1 m there and back, beside a wall on the right."""
-    options = preflight.Options(
-        flights=flights, seed=seed, uncertainty=uncertainty, rate_hz=400, rare=by_levels, risk=study.LEAST_RISK,
-        explain=False, decide_only=by_levels,
+    options = replace(asked(flights, seed, uncertainty), rare=by_levels, decide_only=by_levels)
+    return preflight.fly(beside(wall_m), options)
+
+
+def asked(flights: int, seed: int, uncertainty: Uncertainty) -> preflight.Options:
+    return preflight.Options(
+        flights=flights, seed=seed, uncertainty=uncertainty, rate_hz=400, rare=False, risk=study.LEAST_RISK,
+        explain=False,
     )  # fmt: skip
-    path = conftest.there_and_back(1.0, 1.0)
-    scenario = preflight.Scenario(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m)
-    return preflight.fly(scenario, options)
+
+
+def beside(wall_m: float) -> preflight.Scenario:
+    path = conftest.there_and_back(*SHORT)
+    return preflight.Scenario(conftest.exact_vehicle(), path, conftest.Wall(0.0), radius_m=-wall_m)
 
 
 def nearest(record: Record) -> FloatArray:
@@ -151,7 +165,8 @@ WORLDS = (GUSTY, Uncertainty(), replace(GUSTY, localization_std_m=0.05), Uncerta
 
 @dataclass(frozen=True)
 class Kept:
-    """Many flights of one world, `CHUNK` by `CHUNK`, each in a file: what was flown is not flown again."""
+    """Many flights of one world, `CHUNK` by `CHUNK`, each in a file: what was flown is not flown again, unless its file
+    is damaged."""
 
     folder: Path
     world: Uncertainty
@@ -165,22 +180,39 @@ class Kept:
 
     @cached_property
     def _stem(self) -> str:
-        """Of the files: other code or another world has others."""
-        code = Path(_preflight.__file__).read_bytes()
-        return hashlib.sha256(code + repr(self.world).encode()).hexdigest()[:16]
+        """Of the files: other code, another world, plan, vehicle, wall or other options have others."""
+        code = [Path(_preflight.__file__), *sorted(Path(preflight.__file__).parent.glob("*.py"))]
+        digest, flown = hashlib.sha256(), beside(0.0)
+        told = (asked(CHUNK, 0, self.world), vehicle.vehicle_hash(flown.vehicle), vars(flown.field), flown.size_m)
+        path = flown.trajectory.durations_s.tobytes() + flown.trajectory.coefficients.tobytes()
+        for part in (repr(told).encode(), path, *(file.read_bytes() for file in code)):
+            digest.update(hashlib.sha256(part).digest())
+        return f"{digest.hexdigest()[:16]}_{CHUNK}"
 
     def _chunk(self, number: int, chunks: int) -> FloatArray:
-        file = self.folder / f"{self._stem}_{number}.npy"
-        if not file.exists():
-            print(f"flights {CHUNK * number} of {CHUNK * chunks}", file=sys.stderr, flush=True)
-            self.folder.mkdir(parents=True, exist_ok=True)
-            found, part = short(CHUNK, FIRST_SEED + number, self.world), file.with_suffix(".part")
-            if found.cut_off:
-                raise KeyboardInterrupt
-            with part.open("wb") as out:
-                np.save(out, nearest(found.record))
-            part.replace(file)
-        return np.load(file)
+        seed = FIRST_SEED + number
+        file = self.folder / f"{self._stem}_{seed}.npy"
+        if (kept := _read(file)) is not None:
+            return kept
+        print(f"flights {CHUNK * number} of {CHUNK * chunks}", file=sys.stderr, flush=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        found, part = short(CHUNK, seed, self.world), file.with_suffix(".part")
+        if found.cut_off:
+            raise KeyboardInterrupt
+        flown = nearest(found.record)
+        with part.open("wb") as out:
+            np.save(out, flown)
+        part.replace(file)
+        return flown
+
+
+def _read(file: Path) -> FloatArray | None:
+    """(`CHUNK`,) of a file; None where there is none, or it is damaged."""
+    try:
+        kept = np.load(file)
+    except (OSError, ValueError, EOFError):
+        return None
+    return kept if kept.shape == (CHUNK,) and kept.dtype == np.float64 else None
 
 
 def contacts(kept: Kept, flights: int) -> list[report.Row]:

@@ -28,7 +28,7 @@ from goshawk.commands.preflight import inputs
 from tests import conftest
 from tests.goshawk.running import answer
 
-RISK, FIRST_MARGIN_M, GUST_STD_M_S = 0.01, 0.05, 1.0
+RISK, FIRST_MARGIN_M, GUST_STD_M_S, RATE_HZ = 0.01, 0.05, 1.0, 500
 MOST_ROUNDS, SLOWEST, HALVINGS, LARGEST_M = 5, 4.0, 4, 0.4
 FRESH_SEED, FRESH_FLIGHTS = 1000, 1000
 WAYS = {
@@ -72,8 +72,8 @@ def _plan(folder: Path, points: Path, plan: Path, *asked: object) -> None:
 
 def _preflown(folder: Path, plan: Path, found: Path, flights: int, seed: int) -> bool:
     world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml")
-    flown = ("--flights", flights, "--risk", RISK, "--gust-std", GUST_STD_M_S, "--seed", seed, "-q", "--overwrite")
-    return answer("preflight", plan, *world, *flown, "--out", found).returncode == 0
+    flown = ("--flights", flights, "--risk", RISK, "--gust-std", GUST_STD_M_S, "--seed", seed, "--rate", RATE_HZ)
+    return answer("preflight", plan, *world, *flown, "--out", found, "-q", "--overwrite").returncode == 0
 
 
 def _least_margin(folder: Path, points: Path, flights: int, seed: int) -> float:
@@ -107,7 +107,8 @@ def _flown(folder: Path, plan: Path, flights: int, seed: int) -> Callable[[float
     """Whether a plan, so many times slower, is a go."""
     item, drone, area = trajectory.load(plan), vehicle.load(folder / "vehicle.toml"), mapping.open_map(folder / "map")
     weather = preflight.Uncertainty(gust_std_m_s=GUST_STD_M_S)
-    subject = inputs.subject(item, area, drone, preflight.Options(flights, RISK, seed, weather, decide_only=True))
+    options = preflight.Options(flights, RISK, seed, weather, rate_hz=RATE_HZ, decide_only=True)
+    subject = inputs.subject(item, area, drone, options)
 
     def is_go(factor: float) -> bool:
         scaled = replace(subject.scenario, trajectory=item.trajectory.scale_time(factor))

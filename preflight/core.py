@@ -20,6 +20,9 @@ from vehicle import Vehicle, native
 
 FINISHED, FAILSAFE, NOT_STARTED, TIMED_OUT, DIVERGED = range(5)
 """How a flight ends; `Ending` of preflight/src/flight.hpp."""
+RATE_HZ = 400
+"""Of the controller, where nobody tells it: that of `goshawk sitl`."""
+SLOWEST_HZ, FASTEST_HZ = 400, 1000
 SAMPLE_S = 0.008
 """Between recorded positions: 3 cm of way at 8 m/s to either side of one."""
 SETTLE_S = 3.0
@@ -107,7 +110,7 @@ class Loop:
         clearance_m: float = 0.0,
         sensors: Sensors | None = None,
         air: Air | None = None,
-        rate_hz: int = 500,
+        rate_hz: int = RATE_HZ,
         rotor_speed_measured: bool = False,
         floor_m: float = -np.inf,
         ceiling_m: float = np.inf,
@@ -118,7 +121,7 @@ class Loop:
             configuration: of the controller.
             clearance_m: room for the tracking error, by which the controller's supervisor judges; 0: not stated.
             sensors: noise of the estimate; its `delay_s` is the one that time stamps tell.
-            rate_hz: of the controller, 400 to 1000.
+            rate_hz: of the controller, `SLOWEST_HZ` to `FASTEST_HZ`.
             rotor_speed_measured: whether the controller is given the rotors' speeds; few vehicles measure them.
             floor_m, ceiling_m: heights, for the effects of the model that depend on them.
 
@@ -132,8 +135,7 @@ class Loop:
                 f"{vehicle.name} has an effect from a file of your own, which cannot be flown in numbers; leave it out "
                 "with `goshawk vehicle effect`, or fly it with `goshawk sitl`"
             )
-        if not 400 <= rate_hz <= 1000:
-            raise InputError(f"a control rate of {rate_hz} Hz: it must be 400 to 1000, as the observer needs")
+        require_rate(rate_hz)
         self.names = kernel.names
         self.trajectory = trajectory
         self._tick_us = round(1e6 / rate_hz)
@@ -209,6 +211,18 @@ class Loop:
             positions, errors, path_s, states, ending, state, reason, summary[:, 3], summary[:, 4], summary[:, 5] > 0.0,
             summary[:, 6], summary[:, 7], steps, summary[:, 9],
         )  # fmt: skip
+
+
+def require_rate(rate_hz: int) -> None:
+    """Check that the controller can run so often.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not SLOWEST_HZ <= rate_hz <= FASTEST_HZ:
+        raise InputError(
+            f"a control rate of {rate_hz} Hz: it must be {SLOWEST_HZ} to {FASTEST_HZ}, as the observer needs"
+        )
 
 
 def sensed(vehicle: Vehicle) -> list[str]:

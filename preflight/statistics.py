@@ -19,8 +19,8 @@ _DIGITS = 11
 """Of a bound that are kept: the last of the C library's are each processor's own."""
 _MOST_COLUMNS = 0.5
 """Of the values, from which on their share is noise."""
-_FOR_POWERS = 10
-"""Values for each column, from which on there are columns of higher powers."""
+_FOR_POWERS = 40
+"""Values for each column, from which on there are columns of higher powers: fewer fit those to chance."""
 _LEAST = 30
 """Values, from which on a variance is decomposed."""
 
@@ -88,30 +88,49 @@ def decomposable(values: FloatArray) -> bool:
 
 
 def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
-    """The share of the variance of (n,) values that each factor alone explains, the largest first.
+    """The share of the variance of (n,) values that each factor alone explains, as `adjusted_shares`; at least 0."""
+    return at_least_nil(adjusted_shares(values, factors))
 
-    First-order indices by regression on a factor's draws (n, q), their products in pairs, and with enough values their
-    powers up to the fifth: where rotors come to their limits, little is quadratic (Sobol indices of a polynomial chaos:
-    Sudret 2008). Less what as many columns of noise would explain (adjusted R squared); none, 0, of a factor with half
-    as many of those as values, or more: that would be noise.
+
+def at_least_nil(shares: Mapping[str, float]) -> dict[str, float]:
+    """Shares, the largest first."""
+    return dict(sorted(((name, max(0.0, share)) for name, share in shares.items()), key=lambda item: -item[1]))
+
+
+def adjusted_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
+    """The share of the variance of (n,) values that each factor alone explains.
+
+    By chance a little below 0 as often as above, so that their sum is not too large.
+
+    First-order indices by regression on a factor's draws (n, q), their products in pairs, and with enough values (of
+    a yes or no: of the rarer) their powers up to the fifth: where rotors come to their limits, little is quadratic
+    (Sobol indices of a polynomial chaos: Sudret 2008). Less what as many columns of noise would explain (adjusted R
+    squared); none, 0, of a factor with half as many of those as values, or more: that would be noise.
     """
     used = np.isfinite(values)
     if not decomposable(values):
         return {}
     y = values[used] - values[used].mean()
     total = float((y * y).sum())
-    shares = {name: _explained(y, draws[used], total) for name, draws in factors.items()}
-    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+    told = _telling(values[used])
+    return {name: _explained(y, draws[used], total, told) for name, draws in factors.items()}
 
 
-def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
+def _telling(values: FloatArray) -> int:
+    """How many of (n,) values tell something: all, or of two different ones the rarer."""
+    low = int(np.count_nonzero(values == values.min()))
+    high = int(np.count_nonzero(values == values.max()))
+    return min(low, high) if low + high == len(values) else len(values)
+
+
+def _explained(y: FloatArray, draws: FloatArray, total: float, told: int) -> float:
     """By orthogonal columns one by one (modified Gram-Schmidt), those without anything new left out: no BLAS, whose
     last bits are each processor's own."""
     q = draws.shape[1]
     rows, columns = np.triu_indices(q)
     squares, cubes = draws * draws, draws * draws * draws
     terms = np.column_stack([draws, draws[:, rows] * draws[:, columns]])
-    if len(y) >= _FOR_POWERS * (terms.shape[1] + 3 * q):
+    if told >= _FOR_POWERS * (terms.shape[1] + 3 * q):
         terms = np.column_stack([terms, cubes, squares * squares, squares * cubes])
     terms = (terms - terms.mean(axis=0)).T.copy()
     left, kept = y.copy(), 0
@@ -126,4 +145,4 @@ def _explained(y: FloatArray, draws: FloatArray, total: float) -> float:
     n = len(y)
     if kept >= _MOST_COLUMNS * n:
         return 0.0
-    return max(0.0, 1.0 - float((left * left).sum()) / total * (n - 1) / (n - 1 - kept))
+    return 1.0 - float((left * left).sum()) / total * (n - 1) / (n - 1 - kept)

@@ -13,7 +13,7 @@ from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Progress, silent
 from preflight import clearance, draws, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
-from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, WITHIN, Air, Flown, Loop
+from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, RATE_HZ, WITHIN, Air, Flown, Loop, require_rate
 from preflight.draws import Drawn, Uncertainty
 from preflight.luck import Luck
 from preflight.rare import Rare
@@ -48,8 +48,8 @@ class Options:
     uncertainty: Uncertainty = field(default_factory=Uncertainty)
     sensors: Sensors = field(default_factory=Sensors.typical)
     air: Air = field(default_factory=Air)
-    rate_hz: int = 500
-    """Of the controller."""
+    rate_hz: int | None = None
+    """Of the controller; None: not known, `core.RATE_HZ` is assumed."""
     rotor_speed_measured: bool = False
     """Whether the vehicle tells the controller the speeds of its rotors."""
     threads: int | None = None
@@ -77,6 +77,19 @@ class Options:
             )
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise InputError(f"a seed of {self.seed}; it must be from 0 to {_LARGEST_SEED}")
+        require_rate(self.flown_hz)
+
+    @property
+    def flown_hz(self) -> int:
+        """Rate of the controller, known or assumed."""
+        return RATE_HZ if self.rate_hz is None else self.rate_hz
+
+    @property
+    def assumed(self) -> tuple[str, ...]:
+        """A sentence for what is not known of the controller."""
+        return (
+            () if self.rate_hz is not None else (f"a controller of {RATE_HZ} Hz, as that of `goshawk sitl` (--rate)",)
+        )
 
     @property
     def by_levels(self) -> bool:
@@ -107,7 +120,7 @@ def fly(scenario: Scenario, options: Options | None = None, *, progress: Progres
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
+    assumed = drawn.assumed + options.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
     if options.decide_only:
         return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
     interrupted = found is not None and found.cut_off
@@ -217,7 +230,7 @@ class _Study:
             clearance_m=self.scenario.clearance_m,
             sensors=_sensors(self.options.sensors, uncertainty),
             air=self.options.air,
-            rate_hz=self.options.rate_hz,
+            rate_hz=self.options.flown_hz,
             rotor_speed_measured=self.options.rotor_speed_measured,
             floor_m=self.between[0],
             ceiling_m=self.between[1],
@@ -322,17 +335,17 @@ class _Study:
     def _shares(self, record: Record, drawn: Drawn) -> tuple[dict[str, float], dict[str, float], int]:
         loop = self.loop(self.options.uncertainty, self.scenario.vehicle)
         value, lost = spread(record), record.lost.astype(np.float64)
-        shares = statistics.variance_shares(value, drawn.factors)
         many = lost.sum() >= _LEAST_LOST and statistics.decomposable(lost)
-        loss = statistics.variance_shares(lost, drawn.factors) if many else {}
-        left, steps = max(0.0, 1.0 - sum(shares.values())), 0  # all first-order shares together are at most 1
-        for kind in self._kinds():
-            told = ((shares, statistics.decomposable(value), self._anew, left), (loss, many, self._kept, 1.0))
-            for found, share, most in ((found, share, most) for found, enough, share, most in told if enough):
-                within, taken = share(kind, loop, record, drawn)
-                found[kind] = found.get(kind, 0.0) + min(within, most)
+        told = ((value, statistics.decomposable(value), self._anew), (lost, many, self._kept))
+        found, steps = [], 0
+        for values, enough, share in told:
+            shares = statistics.adjusted_shares(values, drawn.factors) if enough else {}
+            within: dict[str, float] = {}
+            for kind in self._kinds() if enough else ():
+                within[kind], taken = share(kind, loop, record, drawn)
                 steps += taken
-        return _largest_first(shares), _largest_first(loss), steps
+            found.append(_together(shares, within))
+        return found[0], found[1], steps
 
     def _kinds(self) -> list[str]:
         given = self.options.uncertainty
@@ -402,8 +415,15 @@ class _Study:
         return Removed(factor, statistics.Probability.of(record.lost) if found is None else found.risk)
 
 
-def _largest_first(shares: dict[str, float]) -> dict[str, float]:
-    return dict(sorted(shares.items(), key=lambda item: -item[1]))
+def _together(drawn: dict[str, float], within: dict[str, float]) -> dict[str, float]:
+    """Shares of what was drawn (`adjusted_shares`) and of what comes anew in every flight, scaled down to what those
+    leave: all first-order shares together are at most 1."""
+    left, asked = max(0.0, 1.0 - sum(drawn.values())), sum(within.values())
+    scale = min(1.0, left / asked) if asked > 0.0 else 1.0
+    shares = statistics.at_least_nil(drawn)
+    return statistics.at_least_nil(
+        shares | {kind: shares.get(kind, 0.0) + scale * share for kind, share in within.items()}
+    )
 
 
 def _sensors(sensors: Sensors, uncertainty: Uncertainty) -> Sensors:

@@ -47,31 +47,53 @@ class Together:
         self._changed, self._left = threading.Condition(), flights
         self._asked: dict[int, tuple[flying.Truth, FloatArray, FloatArray]] = {}
         self._moved: dict[int, FloatArray] = {}
+        self._failed: BaseException | None = None
 
     def fly(self, flights: Iterable[Callable[[], T]]) -> list[T]:
-        """What each returns."""
+        """What each returns.
+
+        Raises:
+            BaseException: that of the first flight that failed; it ends the others.
+        """
         with ThreadPoolExecutor(self._left) as threads:
             return list(threads.map(self._one, flights))
 
     def _one(self, flight: Callable[[], T]) -> T:
         try:
             return flight()
+        except BaseException as error:
+            with self._changed:
+                self._fail(error)
+            raise
         finally:
             with self._changed:
                 self._left -= 1
-                self._move_if_all()
+                self._try_to_move()
 
     def step(self, truth: flying.Truth, state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
         """A plant's next state (1, 17), once all have asked for theirs, of equal duration."""
         me = threading.get_ident()
         with self._changed:
             self._asked[me], self._duration_s = (truth, state, command), duration_s
-            self._move_if_all()
-            self._changed.wait_for(lambda: me in self._moved)
+            self._try_to_move()
+            self._changed.wait_for(lambda: me in self._moved or self._failed is not None)
+            if self._failed is not None:
+                raise self._failed
             return self._moved.pop(me)
 
+    def _fail(self, error: BaseException) -> None:
+        self._failed = self._failed or error
+        self._changed.notify_all()
+
+    def _try_to_move(self) -> None:
+        """A plant that cannot be moved ends all flights, too."""
+        try:
+            self._move_if_all()
+        except BaseException as error:
+            self._fail(error)
+
     def _move_if_all(self) -> None:
-        if not self._asked or len(self._asked) < self._left:
+        if not self._asked or len(self._asked) < self._left or self._failed is not None:
             return
         truths, states, commands = zip(*self._asked.values(), strict=True)
         common = replace(truths[0], lag=np.array([[truth.lag] for truth in truths]))  # the others are equal

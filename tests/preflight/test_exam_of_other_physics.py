@@ -1,8 +1,9 @@
 """Calibration, whole: a truth of other physics is identified from its logs, preflown, and then flown.
 
-Shared are the controller and, by form, the laws of thrust and drag. Integrator, gusts, noise and every number of the
-truth are the tests' own; told are its mass and the gusts' size and length. A preflight flies at the truth's 400 Hz: at
-500 Hz the tube would be a tenth slimmer in places, and hold 83 % of flights in place of 90 %.
+Shared are the controller, the numbers of the sensors' noise (`Sensors.typical`) and, by form, the laws of thrust and
+drag. Integrator, spectrum of the gusts and every number of the truth are the tests' own; told are its mass, the gusts'
+size and length, and the control rate. Lags of the truths spread as far as the model says. A preflight flies at the
+truth's 400 Hz: at 500 Hz the tube would be a tenth slimmer in places, and hold 83 % of flights in place of 90 %.
 """
 
 import functools
@@ -147,6 +148,25 @@ def test_flights_in_lock_step_are_those_flown_alone_also_where_one_ends_before_a
     for state, own in zip(several, each, strict=True):
         assert state == pytest.approx(risen(*own), rel=1e-12, abs=1e-12)
     assert np.linalg.norm(several[0][:3] - several[1][:3]) > 1e-3
+
+
+def test_an_error_in_one_flight_ends_all_in_lock_step():
+    together = Together(3)
+
+    def breaks(steps: int) -> FloatArray:
+        risen(0.03, steps, together)
+        raise ZeroDivisionError("one flight's")
+
+    own = (functools.partial(risen, 0.02, 30, together), functools.partial(breaks, 5), functools.partial(breaks, 9))
+    with pytest.raises(ZeroDivisionError, match="one flight's"):
+        together.fly(own)
+
+
+def test_a_plant_that_cannot_be_moved_ends_all_in_lock_step():
+    together = Together(2)
+    ill = [functools.partial(together.step, None, np.zeros((1, 17)), np.zeros(4), 0.0025)] * 2
+    with pytest.raises(AttributeError):
+        together.fly(ill)
 
 
 @pytest.mark.slow

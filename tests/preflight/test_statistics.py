@@ -73,9 +73,9 @@ def test_too_few_or_equal_values_explain_nothing():
 def test_a_factor_that_repeats_itself_explains_no_more_than_once():
     """Also where a column is a constant's, or another's double: there is nothing to divide by."""
     rng = np.random.default_rng(6)
-    a, b = rng.standard_normal((2, 400, 1))
+    a, b = rng.standard_normal((2, 450, 1))
     sign = np.where(b > 0.0, 1.0, -1.0)
-    value = a[:, 0] + sign[:, 0] + 0.5 * rng.standard_normal(400)
+    value = a[:, 0] + sign[:, 0] + 0.5 * rng.standard_normal(450)
     once = statistics.variance_shares(value, {"a": a, "sign": sign})
     again = statistics.variance_shares(value, {"a": np.column_stack([a, 2.0 * a]), "sign": sign})
     assert again["a"] == pytest.approx(once["a"], abs=1e-9)
@@ -89,3 +89,30 @@ def test_a_factor_of_half_as_many_columns_as_values_explains_nothing():
         draws = rng.standard_normal((values, 8))
         shares = statistics.variance_shares(draws[:, 0], {"many": draws})
         assert (shares["many"] > 0.99) == shown
+
+
+@pytest.mark.parametrize("flights", [60, 100])
+def test_chance_alone_names_no_factor(flights):
+    """Of 25 factors none comes before what they leave, which is nearly all: as many shares are below 0 as above."""
+    rng, left, largest = np.random.default_rng(8), [], []
+    for _ in range(30):
+        factors = {str(i): rng.standard_normal((flights, 1)) for i in range(25)}
+        shares = statistics.adjusted_shares(rng.standard_normal(flights), factors)
+        left.append(1.0 - sum(shares.values()))
+        largest.append(max(shares.values()))
+        assert largest[-1] < left[-1]
+    assert np.mean(largest) < 7.2 / flights
+    assert np.mean(left) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_yes_or_no_tells_as_much_as_the_rarer_of_both():
+    """Powers of a draw explain no more of ten losses among many flights than its line and square do."""
+    rng, shares = np.random.default_rng(9), []
+    for _ in range(15):
+        lost = (np.arange(600) < 10).astype(np.float64)
+        found = statistics.adjusted_shares(lost, {str(i): rng.standard_normal((600, 1)) for i in range(25)})
+        shares.append(max(found.values()))
+    assert statistics._telling(lost) == 10
+    assert statistics._telling(1.0 - lost) == 10
+    assert statistics._telling(rng.standard_normal(50)) == 50
+    assert max(shares) < 0.03

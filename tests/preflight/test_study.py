@@ -1,11 +1,14 @@
 """A preflight: what it concludes of a wall beside the way."""
 
+import inspect
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import preflight
+from firmware_bridge import closed_loop
+from firmware_bridge.sitl_vehicle import SitlVehicle
 from flight import InputError, Trajectory
 from preflight import clearance, core, draws, remedies, statistics, study
 from preflight.result import BINS
@@ -97,7 +100,7 @@ def test_a_floor_or_ceiling_near_the_path_lets_the_rotors_turn_slower(drone, cur
     near = drone.with_effect(effect, strength=1.0)
     reserve = []  # towards the slowest speed
     for model, room in ((drone, Room(room_m)), (near, Room(room_m)), (near, Wall(1.0))):
-        options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, explain=False)
+        options = preflight.Options(flights=4, risk=0.4, uncertainty=EXACT, rate_hz=500, explain=False)
         found = preflight.fly(preflight.Scenario(model, path, room, radius_m=0.1, clearance_m=1.0), options)
         reserve.append(float(found.record.rotor_reserve.mean()))
     assert reserve[1] < reserve[0] - 0.002
@@ -188,6 +191,22 @@ def test_luck_has_no_more_of_the_spread_than_what_was_drawn_leaves(drone, curve,
     assert found.dominating is not None
     assert found.dominating[0] == "localization"
     assert found.shares[remedies.NOISE] <= 1.0 - found.shares["localization"]
+
+
+def test_all_luck_together_has_no_more_than_what_was_drawn_leaves(drone, curve, monkeypatch):
+    """What noise and gusts only change together, both change: more than all of the variance, each counted whole."""
+    monkeypatch.setattr(study._Study, "_anew", lambda *asked: (0.8, 0))
+    found = flown(drone, curve, 9.0, uncertainty=replace(EXACT, gust_std_m_s=0.25), flights=60, explain=False)
+    assert found.shares[remedies.NOISE] == pytest.approx(0.5, abs=0.05)
+    assert sum(found.shares.values()) == pytest.approx(1.0, abs=0.05)
+
+
+def test_luck_is_scaled_to_what_was_drawn_leaves_and_keeps_its_order():
+    drawn, within = {"wind": 0.25, "mass_kg": -0.05, "gusts": 0.1}, {"gusts": 0.8, "sensor noise": 0.6}
+    shares = study._together(drawn, within)
+    assert shares == pytest.approx({"gusts": 0.5, "sensor noise": 0.3, "wind": 0.25, "mass_kg": 0.0})
+    assert next(iter(shares)) == "gusts"
+    assert study._together(drawn, {"gusts": 0.2})["gusts"] == pytest.approx(0.3)
 
 
 def test_gaps_of_the_pose_that_lose_flights_are_named_and_their_removal_saves_them(drone, curve):
@@ -296,7 +315,7 @@ def test_ctrl_c_after_the_last_flight_keeps_them_and_explains_nothing(drone, cur
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(statistics, "variance_shares", interrupted)
+    monkeypatch.setattr(statistics, "adjusted_shares", interrupted)
     found = flown(drone, curve, 1.0)
     assert found.go
     assert found.flights == 60
@@ -335,6 +354,22 @@ def test_a_wind_against_which_it_would_lean_beyond_its_limit_is_refused(drone):
 def test_a_risk_that_no_number_of_flights_shows_is_refused(risk):
     with pytest.raises(InputError, match="a risk of"):
         preflight.Options(risk=risk)
+
+
+@pytest.mark.parametrize("rate_hz", [250, 1001])
+def test_a_control_rate_that_the_observer_does_not_bear_is_refused_before_a_flight(rate_hz):
+    with pytest.raises(InputError, match=f"a control rate of {rate_hz} Hz: it must be 400 to 1000"):
+        preflight.Options(rate_hz=rate_hz)
+
+
+def test_an_unknown_control_rate_is_that_of_sitl_and_said_to_be_assumed():
+    assert preflight.Options().flown_hz == core.RATE_HZ == 400
+    assert core.RATE_HZ * closed_loop.TICK_US == 1_000_000
+    assert inspect.signature(SitlVehicle).parameters["tick_hz"].default == core.RATE_HZ
+    (said,) = preflight.Options().assumed
+    assert "400 Hz" in said
+    assert preflight.Options(rate_hz=500).flown_hz == 500
+    assert preflight.Options(rate_hz=400).assumed == ()
 
 
 @pytest.mark.parametrize("seed", [-1, 2**32])

@@ -10,6 +10,7 @@ from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
 from goshawk.terminal import console, outputs
 from goshawk.terminal.records import options_as
+from preflight import core
 
 _DEFAULT = preflight.Uncertainty()
 _OPTIONS = (
@@ -87,6 +88,9 @@ _OPTIONS = (
         type=click.FloatRange(0.0),
         help="Lowest battery voltage at the start [default: full].",
     ),
+    click.option(
+        "--rate", "rate_hz", type=int, help=f"Steps of the controller a second [default: {core.RATE_HZ}, assumed]."
+    ),
     click.option("--seed", type=click.IntRange(0, 2**32 - 1), default=0, show_default=True, help="Seed: of all noise."),
     outputs.overwrite_option,
 )
@@ -110,6 +114,7 @@ class Asked:
     pose_outside: bool
     motor_fault_ratio: float
     battery_v: float | None
+    rate_hz: int | None
     seed: int
     overwrite: bool
 
@@ -126,7 +131,7 @@ class Asked:
         """How to fly in a wind as `--wind` takes it; what the map says of itself is not in it yet (`inputs.of_map`).
 
         Raises:
-            InputError: the wind or a number makes no sense.
+            InputError: the wind, the rate or another number makes no sense.
         """
         like = like or Like()
         uncertainty = replace(
@@ -143,7 +148,13 @@ class Asked:
             battery_v=self.battery_v,
         )
         return preflight.Options(
-            self.flights, self.risk, self.seed, uncertainty, sensors=like.sensors, rare=self.rare or None
+            self.flights,
+            self.risk,
+            self.seed,
+            uncertainty,
+            rate_hz=self.rate_hz,
+            sensors=like.sensors,
+            rare=self.rare or None,
         )
 
 

@@ -261,7 +261,7 @@ def _assumed(told: Outcome) -> str:
         ("motor fault", f"one loses {fault:.0f} % of its thrust on the way" if fault else "none", "asked"),
         ("battery at the start", battery, "asked"),
         ("vehicle's sphere", f"{told.subject.radius_m:.2f} m", "the plan's check, or the farthest propeller"),
-        ("controller", f"{options.rate_hz} Hz, its C code", "as flown"),
+        ("controller", f"{options.flown_hz} Hz, its C code", "assumed" if options.rate_hz is None else "asked"),
         ("map", f"{area.folder.resolve().name}, {area.hash[:12]}", "asked"),
         ("seed", str(options.seed), "asked"),
     ]

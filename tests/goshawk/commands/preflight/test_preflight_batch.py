@@ -135,7 +135,7 @@ def test_what_cannot_be_flown_is_a_row_that_says_why(folder, tmp_path):
 
 @pytest.mark.parametrize("when", ["while it flies", "while it is told what decides"])
 def test_a_case_that_ctrl_c_cuts_off_is_no_row_and_is_flown_wholly_afterwards(folder, one, tmp_path, monkeypatch, when):
-    fly, decide = preflight.fly, study.statistics.variance_shares
+    fly, decide = preflight.fly, study.statistics.decomposable
 
     def pressed(*_: object) -> None:
         if len(begun) == 2:
@@ -160,7 +160,7 @@ def test_a_case_that_ctrl_c_cuts_off_is_no_row_and_is_flown_wholly_afterwards(fo
         patched.setattr(study, "_BATCH", 4)
         patched.setattr(work.preflight, "fly", flown)
         if when != "while it flies":
-            patched.setattr(study.statistics, "variance_shares", told)
+            patched.setattr(study.statistics, "decomposable", told)
         ended = answer(*call(folder, tmp_path / "out", *winds))
     assert ended.returncode == 130, ended.stderr
     assert [row["name"] for row in rows_of(tmp_path / "out")] == ["a_light_wind0"]

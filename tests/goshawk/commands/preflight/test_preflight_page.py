@@ -132,11 +132,14 @@ def test_by_levels_the_page_says_that_its_flights_are_of_the_first(folder, tmp_p
 def test_nothing_that_was_asked_is_missing_among_the_assumptions(folder, text, tmp_path):
     assert "are not flown" not in text
     world = ("--map", folder / "map", "--vehicle", folder / "vehicle.toml", "-q", "--flights", 4)
-    asked = ("--thermals", 0.7, "--motor-fault", 0.23, "--pose-jump", 0.31)
+    assert "<td>400 Hz, its C code</td><td>assumed</td>" in text
+    asked = ("--rate", 500, "--thermals", 0.7, "--motor-fault", 0.23, "--pose-jump", 0.31)
     answer("preflight", folder / "lap.json", *world, *asked, "--report", tmp_path / "asked.html")
     assumed = (tmp_path / "asked.html").read_text().partition("What was assumed")[2]
     for said in ("0.7 m/s upwards at 10 m", "one loses 23 % of its thrust", "31 cm each axis", "full, and stays so"):
         assert said in assumed
+    assert "<td>500 Hz, its C code</td><td>asked</td>" in assumed
+    assert "--rate" not in assumed
 
 
 @pytest.mark.parametrize(("low", "high"), [(0.0, 3.6), (-0.7, 2.7), (12.0, 13.0), (0.001, 0.002)])

@@ -106,6 +106,7 @@ def test_few_flights_do_not_show_a_small_risk_and_the_screen_says_how_many_would
         (("--wind", "-3"), "at least 0"),
         (("--flights", 0), "at least one"),
         (("--flights", 50, "--rare"), "from 200 to"),
+        (("--rate", 250), "a control rate of 250 Hz: it must be 400 to 1000"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_in_a_sentence(folder, options, said):
