@@ -25,6 +25,7 @@ from tests.firmware_bridge.offboard import curves
 from tests.firmware_bridge.offboard.page import unchecked
 
 WAY = curves.circle()
+MODEL = vehicle.example("rigter2019")
 PLAN = poly4d.refit(WAY).trajectory
 START = WAY.position([0.0])[0]
 TAKE_OFF, LAND, GO_TO, START_TRAJECTORY, STOP, DEFINE = 7, 8, 12, 13, 3, 6
@@ -567,3 +568,12 @@ def test_the_late_answer_to_another_request_is_not_taken_for_this_ones():
     ours = Flight(Client(SimulatedTime(simulation)), PLAN, arms=False)
     ours.upload()
     assert bytes(simulation.memory[: 132 * len(PLAN.durations_s)]) == pieces.packed(PLAN)
+
+
+def test_a_plan_may_turn_as_fast_as_the_vehicle_files_limits_allow():
+    times = np.arange(0.0, WAY.duration_s, 0.01)
+    peak = float(np.abs(vehicle.flatness.state(MODEL, WAY, times).rate_body_rad_s[:, :2]).max())
+    item = TrajectoryFile(WAY, "circle", "", "", WAY.position([0.0, WAY.duration_s]), {})
+    crazyflie._require_followable(MODEL.with_limits(rate_rad_s=1.05 * peak), item)
+    with pytest.raises(InputError, match="the vehicle file's limits allow"):
+        crazyflie._require_followable(MODEL.with_limits(rate_rad_s=0.9 * peak), item)
