@@ -22,7 +22,7 @@ EMPTY_S = 900.0
 """Longer than any battery of it flies: so long it is asked to land."""
 LOWEST_TAKE_OFF_M = 0.3
 """A start below this height is approached from above."""
-_LATE_S, _PUMP_S, _SETTLED_S, _LOCKED_S = 3.0, 0.02, 0.3, 5.0
+_LATE_S, _PUMP_S, _SETTLED_S, _UNHEARD_S = 3.0, 0.02, 0.3, 5.0
 _AGAIN_S = 0.1
 """Between two tries to land by a line that breaks at once."""
 ALONE = (
@@ -30,6 +30,7 @@ ALONE = (
     "only this computer lands it"
 )
 _STOPPED = "emergency stop, the rotors are off"
+_UNSTOPPED = "emergency stop not delivered, the rotors may turn"
 _RATE_SIGNS = np.array([1.0, -1.0, 1.0])
 """The firmware counts pitch nose up, in milliradians a second."""
 _MOTION, _ATTITUDE, _OUTPUTS, _HEALTH = range(4)
@@ -218,13 +219,16 @@ class Flight:
         end_s, told = self._client.now_s + EMPTY_S, False
         while not self._down_or_stopped():
             try:
+                self._obey_stop()  # a line that breaks at once waits for nothing
                 self._settle(self._ask_to_land() + _LATE_S)
                 break
             except Exception as error:  # also one of ours: nothing else lands it
+                if self._off:
+                    break
                 if self._client.now_s > end_s:
                     self.ended_early = f"{self.ended_early or _words(error)}; it does not answer: {ALONE}"
                     return
-                if not (told or self._off):
+                if not told:
                     self._progress(f"it is asked to land until it does, or Ctrl-C stops its rotors: {ALONE}", 0.0)
                     told = True
                 self._client.rest(_AGAIN_S)
@@ -299,28 +303,37 @@ class Flight:
         if settled and off_m > OFF_PLAN_M:
             raise LinkError(f"{what}: it is {off_m:.2f} m from where it is to be, at most {OFF_PLAN_M} m")
 
-    def _rotors_off(self) -> None:
-        """Said until it is locked: a packet may be lost, or the line may break and be opened anew."""
+    def _rotors_off(self) -> bool:
+        """Said until it is locked: a packet may be lost, or the line may break and be opened anew.
+
+        Returns:
+            Whether it was sent, and is locked; else no battery lasts any longer.
+        """
         self._off = True
-        end_s = self._client.now_s + _LOCKED_S
-        while True:
+        begin_s, sent, told = self._client.now_s, False, False
+        while self._client.now_s < begin_s + EMPTY_S:
             try:
                 self._client.emergency_stop()
+                sent = True
                 self._for(0.1)
-            except LinkError:
+            except Exception:  # whatever it is, it is to be sent again
                 self._client.rest(_AGAIN_S)
-            if Bits.LOCKED in self._bits() or self._client.now_s > end_s:
-                return
+            if sent and Bits.LOCKED in self._bits():
+                return True
+            if not told and self._client.now_s > begin_s + _UNHEARD_S:
+                self._progress("the emergency stop was not heard; it is sent until it is", 0.0)
+                told = True
+        return False
 
     def _obey_stop(self) -> None:
         """
         Raises:
-            LinkError: the rotors are off.
+            LinkError: the rotors are off, or it did not hear of it.
         """
-        if self._stop() and not self._off:
-            self._rotors_off()
-            self.ended_early = "; ".join([*filter(None, [self.ended_early]), _STOPPED])
-            raise LinkError(_STOPPED)
+        if not self._off and self._stop():
+            words = _STOPPED if self._rotors_off() else _UNSTOPPED
+            self.ended_early = "; ".join([*filter(None, [self.ended_early]), words])
+            raise LinkError(words)
 
     def _not_cancelled(self, what: str) -> None:
         if self._cancel():

@@ -23,6 +23,8 @@ READY_S, ARM_S, STEP_S, HOVER_S = 20.0, 30.0, 60.0, 2.0
 _SILENT_S, _DISARMING_S = 0.5, 1.0
 _ON_GROUND_M = 0.3
 """Above where it stood: a controller that gives up higher than this leaves the vehicle in the air."""
+_OFF_HEIGHT_M = 0.2
+"""Of the hover before the start: one farther off is of another vehicle than the file's."""
 _LOG_EVERY = 2
 _DOWN = (State.DISARMED, State.FAULT)
 _ENDED = (Stage.DOWN, Stage.ENDED)
@@ -66,6 +68,7 @@ class Flight:
         self._ticks = 0
         self._rows: list[dict[str, FloatArray]] = []
         self._stood_m: float | None = None
+        self._told_bound = False
         self.status: GuardStatus | None = None
         self.ended_early = ""
 
@@ -95,17 +98,30 @@ class Flight:
         self._until(lambda: self._heard().armed and self._heard().sticks_ours, ARM_S, armed, watch=self._arms)
         self._not_cancelled(armed)
         try:
-            controller.command(Command.TAKE_OFF, max(begin_m - motion.position_world_m[2], LOWEST_TAKE_OFF_M))
+            rise_m = max(begin_m - self._stood_m, LOWEST_TAKE_OFF_M)
+            controller.command(Command.TAKE_OFF, rise_m)
             self._reach(State.HOLD, STEP_S, "take-off")
             self._for(HOVER_S)
+            self._require_height(self._stood_m + rise_m)
             controller.command(Command.START)
             self._reach(State.TRAJECTORY, STEP_S, "the way to the start")
             self._reach(State.HOLD, self._trajectory.duration_s + STEP_S, "the trajectory")
             self._for(0.5)
-        except LinkError as early:
-            self.ended_early = str(early)
+        except Exception as early:  # whatever it is, it is in the air, and its log is wanted
+            self.ended_early = _words(early)
         self._land()
         return self._log()
+
+    def _require_height(self, wanted_m: float) -> None:
+        motion = self.tracker.motion
+        assert motion is not None
+        off_m = float(motion.position_world_m[2]) - wanted_m
+        if abs(off_m) > _OFF_HEIGHT_M:
+            share = self.tracker.effectiveness.share
+            raise LinkError(
+                f"the hover is {off_m:+.2f} m off the height asked for, at most {_OFF_HEIGHT_M}; its rotors give "
+                f"{share:.0%} of the vehicle file's thrust: check mass and thrust"
+            )
 
     def _land(self) -> None:
         """Down by the controller; where it or the guard has begun to come down already, until it is."""
@@ -116,13 +132,13 @@ class Flight:
             self._until(lambda: controller.state in _DOWN or not self._following(), STEP_S, "landing")
             self._wish = self._wish_at_end() if self._following() else self._wish
             self._until(lambda: self._heard().stage in _ENDED, STEP_S, "disarming")
-        except LinkError as error:
-            self.ended_early = self.ended_early or str(error)
+        except Exception as error:
+            self.ended_early = self.ended_early or _words(error)
         self._ask_pilot_to_disarm()
 
     def _ask_pilot_to_disarm(self) -> None:
         """Where only a pilot's switch disarms: until then the guard holds the throttle low."""
-        with contextlib.suppress(LinkError):
+        with contextlib.suppress(Exception):
             self._until(self._ended_or_disarmed, _DISARMING_S, "disarming")
         if self._heard().armed and self._heard().stage is Stage.DOWN:
             self._progress("landed: disarm now", 1.0)
@@ -234,8 +250,16 @@ class Flight:
         if status.stage is not Stage.ENDED:
             self._guard.answer(command)
         self._ticks += 1
+        self._tell_of_bound()
         if demand is not None and self._ticks % _LOG_EVERY == 0:
             self._keep(status, demand)
+
+    def _tell_of_bound(self) -> None:
+        """Once: what the observer does not take up is an error of height."""
+        learnt = self.tracker.effectiveness
+        if learnt.at_bound and not self._told_bound:
+            self._told_bound = True
+            self._progress(f"warning: rotors of {learnt.share:.0%} of the vehicle file's thrust or beyond", 0.0)
 
     def _keep(self, status: GuardStatus, demand: Demand) -> None:
         motion, telemetry = self.tracker.motion, self.tracker.controller.telemetry
@@ -276,5 +300,12 @@ class Flight:
         time_s = columns.pop("time_s")
         scalars = {name: values for name, values in columns.items() if values.ndim == 1}
         vectors = {name: values for name, values in columns.items() if values.ndim == 2}
-        metadata = {"source": "off board"} | ({"ended_early": self.ended_early} if self.ended_early else {})
+        share = self.tracker.effectiveness.share
+        metadata = {"source": "off board", "thrust_share": f"{share:.3f}"} | (
+            {"ended_early": self.ended_early} if self.ended_early else {}
+        )
         return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
+
+
+def _words(error: Exception) -> str:
+    return str(error) if isinstance(error, LinkError) else f"{type(error).__name__}: {error}"

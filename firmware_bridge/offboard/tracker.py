@@ -11,9 +11,10 @@ import numpy as np
 
 from firmware_bridge.controller import Configuration, Controller, State
 from firmware_bridge.offboard.collective.at_rest import Lead, RotorsAtRest
-from firmware_bridge.offboard.collective.effectiveness import Effectiveness
+from firmware_bridge.offboard.collective.effectiveness import UPRIGHT, Effectiveness, Moment
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
+from firmware_bridge.offboard.thrust_map import ThrustMap
 from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
@@ -59,11 +60,14 @@ class Tracker:
         self.mass_kg, self.gravity_m_s2 = parameters["mass_kg"], parameters["gravity_m_s2"]
         self.predictor = Predictor(self.mass_kg, self.gravity_m_s2, self._lags)
         self._at_rest = RotorsAtRest(self.controller.raw.parameters().ravel(), self.mass_kg)
-        self._lead = Lead(self._lags.force_s, parameters["lead_filter_s"])
+        filter_s = parameters["lead_filter_s"]
+        self._lead = Lead(self._lags.force_s if lag_s > 0.0 else filter_s, filter_s)
+        self.thrust_map: ThrustMap | None = None
+        """Where it is known, its least and most force bound what is predicted."""
         self.effectiveness = Effectiveness(self.gravity_m_s2)
         self.in_motion = 1.0
         """Force of the rotors over what they would give in air at rest at the same speeds."""
-        self._speeds_rad_s, self._learns = np.zeros(4), False
+        self._speeds_rad_s, self._learns, self._clipped = np.zeros(4), False, False
         self._ground_m = self._ticked_s = 0.0
         self._per_error = np.array(
             [parameters[f"att_kp_{a}_1_s2"] / parameters[f"att_kd_{a}_1_s"] for a in ("xy", "xy", "z")]
@@ -133,38 +137,49 @@ class Tracker:
             telemetry = self.controller.telemetry
             self._learn(step_s, motion, telemetry)
             demand = replace(
-                demand, force_n=self._force_n(step_s, telemetry), rate_body_rad_s=self._rate(motion, telemetry)
+                demand, force_n=self._force_n(step_s, motion, telemetry), rate_body_rad_s=self._rate(motion, telemetry)
             )
-        self.predictor.command(now_s, demand.force_n, demand.rate_body_rad_s)
+        given_n = self._given_n(demand.force_n, battery_v)
+        self._clipped = given_n != demand.force_n
+        self.predictor.command(now_s, given_n, demand.rate_body_rad_s)
         return demand
 
-    def _force_n(self, step_s: float, telemetry: dict) -> float:
+    def _given_n(self, force_n: float, battery_v: float) -> float:
+        """What full or no throttle leaves of a force."""
+        if self.thrust_map is None:
+            return force_n
+        least_n, most_n = (self.thrust_map.force_n(throttle, battery_v) for throttle in (0.0, 1.0))
+        return min(max(force_n, least_n), most_n)
+
+    def _force_n(self, step_s: float, motion: Motion, telemetry: dict) -> float:
         """The force in air at rest at whose throttle the rotors turn as the controller wants them to."""
         thrust_n = float(telemetry["thrust_n"])
         self._speeds_rad_s = np.asarray(telemetry["rotor_speed_rad_s"], np.float64)
-        at_rest_n = self._at_rest.force_n(self._speeds_rad_s, thrust_n)
-        self.in_motion = thrust_n / at_rest_n if at_rest_n > 0.0 else 1.0
+        air = rotations.rotate(rotations.conjugate(motion.q_world_body), motion.velocity_world_m_s)
+        self.in_motion = self._at_rest.in_motion(thrust_n, air)
         self.predictor.lift = self.effectiveness.share * self.in_motion
-        return self._lead.force_n(at_rest_n / self.effectiveness.share, step_s)
+        return self._lead.force_n(thrust_n / self.in_motion / self.effectiveness.share, step_s)
 
     def _felt_world_m_s2(self, motion: Motion) -> FloatArray:
         """(3,) specific force, for the observer; what the thrust's scale takes up is none of its."""
         felt = self.predictor.acceleration_world_m_s2(motion, motion.q_world_body)
         felt[2] += self.gravity_m_s2
         up = rotations.matrix(motion.q_world_body)[:, 2]
-        return felt - (motion.unexplained_world_m_s2 @ up) * up if self._learns else felt
+        return felt - _excess_m_s2(motion, up) * up if self._learns else felt
 
     def _learn(self, step_s: float, motion: Motion, telemetry: dict) -> None:
-        """From take-off to landing: the ground is no thrust."""
+        """From take-off to landing, as the ground is no thrust, and while the rotors can give what is asked for."""
         rises = self.state is State.TAKE_OFF and motion.position_world_m[2] < self._ground_m + _RISEN_M
-        self._learns = not rises and self.state not in (State.LANDING, State.EMERGENCY)
+        short = self._clipped or bool(telemetry["saturation"])
+        self._learns = not (rises or short or self.state in (State.LANDING, State.EMERGENCY))
         if not self._learns:
             return
         up = rotations.matrix(motion.q_world_body)[:, 2]
-        speed_m_s = float(np.linalg.norm(telemetry["setpoint"]["velocity_world_m_s"]))
+        bend_m_s2 = float(np.linalg.norm(telemetry["setpoint"]["acceleration_world_m_s2"][:2]))
         predicted_m_s2 = self.predictor.lift * motion.force_n / self.mass_kg
-        excess_m_s2 = float(motion.unexplained_world_m_s2 @ up)
-        self._learns = self.effectiveness.learn(step_s, speed_m_s, predicted_m_s2, excess_m_s2)
+        speed_m_s = float(np.linalg.norm(motion.velocity_world_m_s))
+        moment = Moment(speed_m_s, bend_m_s2, float(up[2]), predicted_m_s2, _excess_m_s2(motion, up))
+        self._learns = self.effectiveness.learn(step_s, moment)
 
     def _rate(self, motion: Motion, telemetry: dict) -> FloatArray:
         """Body rate at which the attitude loop asks for no torque, led by the inner loop's lag."""
@@ -178,3 +193,8 @@ class Tracker:
         rate = reference + self._lags.rate_s * self._turning + self._per_error * error
         yaw, tilt = self._largest_rad_s
         return np.clip(rate, [-tilt, -tilt, -yaw], [tilt, tilt, yaw])
+
+
+def _excess_m_s2(motion: Motion, up: FloatArray) -> float:
+    """Along the body's z axis (3,), for the vertical part of what is unexplained: wind from aside is no thrust."""
+    return float(motion.unexplained_world_m_s2[2] / max(float(up[2]), UPRIGHT))

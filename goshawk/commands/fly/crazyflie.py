@@ -54,6 +54,7 @@ def _require_followable(model: Vehicle, item: TrajectoryFile) -> None:
         model, item.trajectory, (limits.rate_rad_s, limits.rate_rad_s, limits.yaw_rate_rad_s),
         (thrust.force_n(0.0), thrust.force_n(1.0)),
         remedy=lambda _, deg_s: f"if it turns at {deg_s:.0f} deg/s, say so in the limits of the vehicle file",
+        rate_share=1.0, whose="the vehicle file's limits allow",
     )  # fmt: skip
 
 

@@ -123,12 +123,14 @@ def failsafe_us(model: Vehicle, profile: RateProfile, thrust: ThrustMap) -> tupl
 def require_followable(
     model: Vehicle, trajectory: Trajectory, largest_rad_s: tuple[float, float, float], force_n: tuple[float, float], *,
     remedy: Callable[[int, float], str] = lambda axis, deg_s: f"set {checks.AXES[axis]}_srate = {deg_s / 10.0:.0f}",
+    rate_share: float = RATE_SHARE, whose: str = "the firmware's rates allow",
 ) -> None:  # fmt: skip
     """
     Args:
         largest_rad_s: body rates that the firmware is set up for.
         force_n: the rotors' least and most.
         remedy: what lets it turn at a rate about an axis, in deg/s.
+        rate_share: of the largest rates that is used; `whose` they are, in words.
 
     Raises:
         InputError: the plan asks for more than the firmware's rates or the rotors give; figure and instant.
@@ -137,13 +139,13 @@ def require_followable(
     flat = vehicle.flatness.state(model, trajectory, times)
     for axis, name in enumerate(checks.AXES):
         rate = np.abs(flat.rate_body_rad_s[:, axis])
-        worst, bound = int(np.nanargmax(rate)), RATE_SHARE * largest_rad_s[axis]
+        worst, bound = int(np.nanargmax(rate)), rate_share * largest_rad_s[axis]
         if rate[worst] > bound:
             deg_s = np.rad2deg(rate[worst])
             raise InputError(
-                f"the plan turns at {deg_s:.0f} deg/s about {name} at {times[worst]:.1f} s, the firmware's rates allow "
-                f"{np.rad2deg(bound):.0f} ({RATE_SHARE:.0%} of the largest); "
-                f"{remedy(axis, 10.0 * np.ceil(deg_s / RATE_SHARE / 10.0))}, or plan more slowly"
+                f"the plan turns at {deg_s:.0f} deg/s about {name} at {times[worst]:.1f} s, {whose} "
+                f"{np.rad2deg(bound):.0f} ({rate_share:.0%} of the largest); "
+                f"{remedy(axis, 10.0 * np.ceil(deg_s / rate_share / 10.0))}, or plan more slowly"
             )
     least_n, largest_n = force_n
     worst, most_n = int(np.nanargmax(flat.thrust_n)), FORCE_SHARE * largest_n
@@ -195,6 +197,7 @@ def fly(
             guard, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=motor_of_rotor(model),
         )  # fmt: skip
+        flight.tracker.thrust_map = thrust
         return flight.fly(), flight.ended_early
 
 

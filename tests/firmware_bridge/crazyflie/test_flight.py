@@ -25,6 +25,7 @@ from tests.firmware_bridge.offboard import curves
 from tests.firmware_bridge.offboard.page import unchecked
 
 WAY = curves.circle()
+MODEL = vehicle.example("rigter2019")
 PLAN = poly4d.refit(WAY).trajectory
 START = WAY.position([0.0])[0]
 TAKE_OFF, LAND, GO_TO, START_TRAJECTORY, STOP, DEFINE = 7, 8, 12, 13, 3, 6
@@ -235,7 +236,7 @@ def test_an_emergency_stop_is_repeated_until_it_is_heard():
 
 def test_one_that_tumbles_is_stopped_and_not_landed():
     simulation = simulated()
-    simulation.each_tick = aloft(lambda of: setattr(of, "extra_bits", 32), 1.0)
+    simulation.each_tick = aloft(lambda of: setattr(of, "extra_bits", of.extra_bits | 32), 1.0)
     ours, _ = fly(simulation)
     assert "the supervisor says tumbled" in ours.ended_early
     assert simulation.emergency
@@ -317,6 +318,9 @@ class BreakingLine(SimulatedTime):
             assert self.failures < 5000, "it spins"
             raise LinkError("broken")
 
+    def passed_s(self) -> float:
+        return self.now_s() - self._begun_s
+
     def send(self, packet) -> None:
         self._fail()
         super().send(packet)
@@ -339,12 +343,30 @@ def test_a_local_socket_that_breaks_is_tried_ten_times_a_second_at_most(until_s,
     assert (simulation.position_m[2] < 0.05) == (until_s < procedure.EMPTY_S)
 
 
-def test_an_emergency_stop_outlasts_a_line_that_breaks():
+@pytest.mark.parametrize("until_s", [3.0, 20.0, 2000.0])
+@pytest.mark.parametrize("asked", ["before the break", "in it"])
+def test_an_emergency_stop_outlasts_a_line_that_breaks_or_says_that_it_did_not_arrive(until_s, asked, monkeypatch):
+    """It gave up after 5 s, and said that the rotors were off while it hovered."""
     simulation = simulated()
-    line = BreakingLine(simulation, 3.0)
-    ours = Flight(Client(line), PLAN, arms=True, stop=lambda: line.failures > 0)
+    line = BreakingLine(simulation, until_s)
+    monkeypatch.setattr(procedure, "EMPTY_S", 60.0)
+    asks = {"before the break": lambda: line.passed_s() > 0.999, "in it": lambda: line.failures > 0}
+    ours = Flight(Client(line), PLAN, arms=True, stop=asks[asked])
+    ours.fly()
+    heard = until_s < procedure.EMPTY_S
+    assert simulation.emergency == heard
+    assert (procedure._STOPPED in ours.ended_early) == heard
+    assert ("emergency stop not delivered" in ours.ended_early) != heard
+
+
+def test_a_stop_is_obeyed_between_two_tries_to_land_by_a_line_that_breaks():
+    """A send that fails at once never waited, so nothing asked for the stop: it was landed instead."""
+    simulation = simulated()
+    line = BreakingLine(simulation, 4.0)
+    ours = Flight(Client(line), PLAN, arms=True, stop=lambda: line.passed_s() > 3.0)
     ours.fly()
     assert simulation.emergency
+    assert LAND not in simulation.commands
 
 
 def test_a_socket_that_breaks_is_opened_anew(server):
@@ -546,3 +568,12 @@ def test_the_late_answer_to_another_request_is_not_taken_for_this_ones():
     ours = Flight(Client(SimulatedTime(simulation)), PLAN, arms=False)
     ours.upload()
     assert bytes(simulation.memory[: 132 * len(PLAN.durations_s)]) == pieces.packed(PLAN)
+
+
+def test_a_plan_may_turn_as_fast_as_the_vehicle_files_limits_allow():
+    times = np.arange(0.0, WAY.duration_s, 0.01)
+    peak = float(np.abs(vehicle.flatness.state(MODEL, WAY, times).rate_body_rad_s[:, :2]).max())
+    item = TrajectoryFile(WAY, "circle", "", "", WAY.position([0.0, WAY.duration_s]), {})
+    crazyflie._require_followable(MODEL.with_limits(rate_rad_s=1.05 * peak), item)
+    with pytest.raises(InputError, match="the vehicle file's limits allow"):
+        crazyflie._require_followable(MODEL.with_limits(rate_rad_s=0.9 * peak), item)

@@ -148,3 +148,34 @@ def test_a_pilot_is_told_to_disarm():
     guard.armed = False
     ours._ask_pilot_to_disarm()
     assert len(said) == 1
+
+
+def test_who_hovers_far_from_the_height_asked_does_not_start():
+    guard = Guard()
+    ours = flight(guard)
+    guard.height_m = 0.42
+    for _ in range(3):
+        ours._tick()
+    ours._require_height(0.45)
+    with pytest.raises(
+        LinkError, match=r"the hover is -0\.58 m off the height asked for, at most 0\.2; its rotors give 100%"
+    ):
+        ours._require_height(1.0)
+
+
+def test_whatever_ends_it_in_the_air_its_log_is_returned(monkeypatch):
+    monkeypatch.setattr(procedure, "STEP_S", 0.5)
+    guard = Guard()
+    ours = flight(guard)
+
+    def arm(command: PlannerCommand) -> None:
+        guard.armed = command.wish is Wish.FLY
+
+    def fail(*_) -> None:
+        raise ZeroDivisionError("of ours")
+
+    guard.answer = arm
+    monkeypatch.setattr(ours, "_reach", fail)
+    log = ours.fly()
+    assert log.metadata["ended_early"] == "ZeroDivisionError: of ours"
+    assert log.metadata["thrust_share"] == "1.000"

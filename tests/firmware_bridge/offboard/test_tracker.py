@@ -7,6 +7,7 @@ import vehicle
 from firmware_bridge import controller
 from firmware_bridge.controller import Command, State
 from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.thrust_map import ThrustMap
 from firmware_bridge.offboard.tracker import Tracker
 from flight import rotations
 
@@ -52,7 +53,13 @@ def test_a_landing_teaches_nothing_of_the_thrust():
 
 
 def hovered(
-    body: "IdealBody", model, *, battery_v: float = 0.0, lands_at: int = -1, ticks: int = 1300
+    body: "IdealBody",
+    model,
+    *,
+    battery_v: float = 0.0,
+    lands_at: int = -1,
+    ticks: int = 1300,
+    thrust_map: ThrustMap | None = None,
 ) -> tuple[Tracker, list[float], bool]:
     """A take-off at tick 300, 4 s with the hover after it; errors of the last 0.8 s."""
     inbox, now_s = [], 100.0
@@ -63,6 +70,7 @@ def hovered(
         return due
 
     tracker = Tracker(controller.parameters_of(model), poses)
+    tracker.thrust_map = thrust_map
     errors, climbed = [], False
     for tick in range(ticks):
         now_s += TICK_S
@@ -98,3 +106,32 @@ def test_without_a_pose_nothing_is_asked_of_the_vehicle():
     tracker = Tracker(controller.parameters_of(MODEL), lambda _: [])
     assert tracker.tick(1.0) is None
     assert "no pose" in tracker.unready
+
+
+class InWind(IdealBody):
+    def step(self, force_n: float, rate: np.ndarray) -> None:
+        super().step(force_n, rate)
+        if self.position[2] > 0.02:
+            self.velocity[0] += TICK_S * 3.0
+
+
+def test_a_steady_wind_does_not_pass_for_weak_rotors():
+    """Leaning against it, force over weight is 1 / cos: it was learnt as a share of cos^2, .91."""
+    tracker, _, _ = hovered(InWind(1.0), MODEL)
+    assert tracker.effectiveness.share == pytest.approx(1.0, abs=0.01)
+
+
+class FullThrottle(IdealBody):
+    def __init__(self, most_n: float) -> None:
+        super().__init__(1.0)
+        self.most_n = most_n
+
+    def step(self, force_n: float, rate: np.ndarray) -> None:
+        super().step(min(force_n, self.most_n), rate)
+
+
+def test_what_full_throttle_does_not_give_is_not_learnt():
+    """It passed for weak rotors, and the hover rose by the difference when they gave it again."""
+    most_n = 1.1 * MODEL.mass_kg * MODEL.gravity_m_s2
+    tracker, _, _ = hovered(FullThrottle(most_n), MODEL, thrust_map=ThrustMap((0.0, most_n, 0.0)))
+    assert tracker.effectiveness.share == pytest.approx(1.0, abs=0.01)
