@@ -83,7 +83,7 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
         watch = desk.control.required(person)
         desk.control.use_nonce(order.nonce, person, "order")
         if order.order == "start":
-            _start(desk, person)
+            _start(desk, person, order.crc32)
         elif order.order == "arm":
             watch.require_fit()
             watch.order(Command.ARM)
@@ -93,13 +93,15 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
     desk.control.audited(person, order.order, give, desk.about())
 
 
-def _start(desk: Desk, person: Person) -> None:
+def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
     """Fly what the vehicle holds, if it is the checked plan; the log is saved when it has landed."""
     watch = desk.control.required(person)
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
         watch.require_held(file, name)
+        if watch.state().foreign is not None:
+            _require_shown(desk, shown_crc32)
         watch.require_fit()
         desk.control.required(person)  # reading back takes a while
     except BaseException:
@@ -125,6 +127,12 @@ def _start(desk: Desk, person: Person) -> None:
             desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _require_shown(desk: Desk, crc32: str) -> None:
+    """The vehicle holds no plan that could be compared: it flies the one that the person saw."""
+    if desk.answer is None or desk.answer.shown.crc32 != crc32:
+        raise InputError("the plan is another one than the page showed; look at it again, then start")
 
 
 def _kill(desk: Desk, person: Person, _: Kill) -> None:

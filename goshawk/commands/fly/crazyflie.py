@@ -43,8 +43,8 @@ def fly(
     progress(flight.ALONE, 0.0)
     order = process.Order(address, refitted, arms, _motor_of_rotor(model))
     log, early = process.fly(order, progress=progress, cancel=cancel, stop=stop, told=told)
-    told = {"failsafe": flight.ALONE, "pieces": str(len(refitted.durations_s)), "refit_m": f"{held.largest_m:.4f}"}
-    return replace(log, metadata={**log.metadata, **told}), early
+    noted = {"failsafe": flight.ALONE, "pieces": str(len(refitted.durations_s)), "refit_m": f"{held.largest_m:.4f}"}
+    return replace(log, metadata={**log.metadata, **noted}), early
 
 
 def _require_followable(model: Vehicle, item: TrajectoryFile) -> None:

@@ -830,6 +830,7 @@ export interface Order {
   serial: number;
   order: "arm" | "start" | "pause" | "resume" | "land" | "disarm";
   nonce: string;
+  crc32?: string;
 }
 
 export interface OutsideCurve {
