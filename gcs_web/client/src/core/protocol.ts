@@ -823,6 +823,7 @@ export interface OpenedFlight {
   end_s: number;
   shift_s: number;
   streams: Stream[];
+  left_out: string[];
 }
 
 export interface Order {
