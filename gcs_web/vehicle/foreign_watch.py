@@ -12,6 +12,7 @@ import numpy as np
 
 from firmware_bridge import wire
 from firmware_bridge.dialect.generated.messages import Command
+from firmware_bridge.offboard.procedure import STEP_S
 from flight import FlightError, FlightLog, FloatArray, InputError, LinkError, TrajectoryFile, rotations
 from gcs_web.protocol.vehicle import ArmingCheck, Foreign, Held, Vehicle
 from gcs_web.protocol.wording import for_page
@@ -23,6 +24,7 @@ _QUIET_S, _FLYING_S = 0.25, 0.05
 _SILENT_S = 0.5
 """Without a word of a flight that is under way, it is stale."""
 _RETRY_S = 5.0
+_PAUSES = f"pauses of {STEP_S:.0f} s in all end the flight: it lands where it stands"
 _GROUND, _STARTS, _UNKNOWN = "disarmed", "starting", "not known"
 _KILLED_S = 1.5
 """In which whatever flies it says that the rotors are told to stand still."""
@@ -80,7 +82,9 @@ class ForeignWatch:
         if seen is None:
             waits = self._flown is not None
             mission = _STARTS if waits else _UNKNOWN if self._armed is None else "armed" if self._armed else _GROUND
-            checks = [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in looked.checks]
+            checks = [
+                ArmingCheck(each.name, each.passed, each.finding, for_page(each.remedy)) for each in looked.checks
+            ]
             return Vehicle(
                 "stale", name=self.url, mission=mission, armed=bool(self._armed), foreign=foreign,
                 age_s=self._age_s(self._looked_s), checks=[] if waits else checks,
@@ -110,7 +114,7 @@ class ForeignWatch:
             duration_s=self._flown.trajectory.duration_s,
             room_m=self._room_m,
             foreign=foreign,
-            reason=self._said,
+            reason=_PAUSES if seen.mission == "paused" else self._said,
         )
 
     @staticmethod
@@ -168,7 +172,7 @@ class ForeignWatch:
             raise LinkError(self._problem or "its settings are being read; wait a moment")
         failed = [str(each) for each in self._looked.checks if not each.passed]
         if failed:
-            raise LinkError(f"not armed. {'. '.join(failed)}")
+            raise LinkError(for_page(f"not armed. {'. '.join(failed)}"))
 
     def held(self) -> Held | None:
         return None
