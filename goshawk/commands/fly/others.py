@@ -33,7 +33,11 @@ from vehicle import Vehicle
 
 POSES = "udp://127.0.0.1:7777"
 _TELL_S = 0.05
-_BY_GUARD = {Stage.DESCENDING: "the guard brings it down", Stage.PILOT: "the pilot has the sticks"}
+_BY_GUARD = {
+    Stage.DESCENDING: "the guard brings it down",
+    Stage.PILOT: "the pilot has the sticks",
+    Stage.DOWN: "rotors off",
+}
 """What it does where the controller is not followed any more."""
 _ON_PATH = (State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
 _CRAZYFLIE_ALONE = "it flies its trajectory to the end, and hovers there until its battery is empty"
