@@ -14,7 +14,7 @@ from gcs_web.flights import pyramid
 from gcs_web.protocol.flights import CurveKind
 
 if TYPE_CHECKING:
-    from collections.abc import Buffer
+    from _typeshed import ReadableBuffer
 
 LEAST_SAMPLES = 64
 """Of a stretch whose spectrum says anything."""
@@ -241,7 +241,7 @@ class _Sink(io.RawIOBase):
     def writable(self) -> bool:
         return True
 
-    def write(self, data: "Buffer", /) -> int:
+    def write(self, data: "ReadableBuffer", /) -> int:
         self._pieces.append(bytes(data))
         self._at += len(self._pieces[-1])
         return len(self._pieces[-1])

@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 
-from flight import FlightLog, LinkError
+from flight import FlightLog, LinkError, silent
 from gcs_web.vehicle.foreign import Asked, Seen
 from goshawk.commands.fly import apart
 
@@ -45,7 +45,7 @@ def test_what_people_want_comes_through_and_the_log_back():
             asked.kill.set()
             asked.land.set()
 
-    log, early = apart.fly(until_asked, asked, told, lambda *_: None, lambda: restarts.append(1))
+    log, early = apart.fly(until_asked, asked, told, silent, lambda: restarts.append(1))
     assert early == "paused resumed killed"
     assert len(log.time_s) == 1
     assert restarts == [1]
@@ -53,7 +53,7 @@ def test_what_people_want_comes_through_and_the_log_back():
 
 def test_an_error_of_the_flight_is_said_as_one_of_the_link():
     with pytest.raises(LinkError, match="of our own"):
-        apart.fly(fails, Asked(), lambda _: None, lambda *_: None)
+        apart.fly(fails, Asked(), lambda _: None, silent)
 
 
 def test_a_station_that_hangs_holds_up_nothing_and_one_that_dies_lands_it():
