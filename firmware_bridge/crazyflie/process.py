@@ -158,7 +158,8 @@ def _main(order: Order, line: Connection) -> None:
 
     flight = Flight(
         Client(transport), order.plan, arms=order.arms,
-        progress=lambda stage, fraction: tell_if_heard((stage, fraction)), cancel=asked.cancel, stop=stop, motor_of_rotor=order.motor_of_rotor,
+        progress=lambda stage, fraction: tell_if_heard((stage, fraction)),
+        cancel=asked.cancel, stop=stop, motor_of_rotor=order.motor_of_rotor,
     )  # fmt: skip
     try:
         log = flight.fly()
