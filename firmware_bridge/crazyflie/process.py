@@ -7,6 +7,7 @@ import contextlib
 import math
 import multiprocessing
 import os
+import select
 import signal
 import time
 from collections.abc import Callable
@@ -121,6 +122,14 @@ def _until_flown(
             progress(*said)
 
 
+def has_room(line: Connection) -> bool:
+    """Whether a short message can be sent without waiting for whoever reads."""
+    try:
+        return bool(select.select([], [line.fileno()], [], 0.0)[1])
+    except (OSError, ValueError):
+        return False  # closed
+
+
 def _main(order: Order, line: Connection) -> None:
     """The process, which no signal of the other's terminal ends."""
     with contextlib.suppress(OSError):
@@ -132,6 +141,11 @@ def _main(order: Order, line: Connection) -> None:
         with contextlib.suppress(OSError):  # nobody waits any more
             line.send(what)
 
+    def tell_if_heard(what: object) -> None:
+        """In flight: whoever does not listen holds up no flight, and misses this."""
+        if has_room(line):
+            tell(what)
+
     asked, transport = _Asked(line), UdpTransport(*endpoint(order.address))
     told_s = [-math.inf]
 
@@ -139,11 +153,12 @@ def _main(order: Order, line: Connection) -> None:
         """Asked at every wait: so often it is told what is seen, too."""
         if time.monotonic() - told_s[0] >= _TELL_S and (seen := flight.seen()) is not None:
             told_s[0] = time.monotonic()
-            tell(seen)
+            tell_if_heard(seen)
         return asked.stop()
 
     flight = Flight(
-        Client(transport), order.plan, arms=order.arms, progress=lambda stage, fraction: tell((stage, fraction)),
+        Client(transport), order.plan, arms=order.arms,
+        progress=lambda stage, fraction: tell_if_heard((stage, fraction)),
         cancel=asked.cancel, stop=stop, motor_of_rotor=order.motor_of_rotor,
     )  # fmt: skip
     try:

@@ -29,27 +29,41 @@ def connect(address: str, *, patience_s: float = 10.0) -> ByteLine:
     """A line to `betaflight:tcp://HOST:PORT`.
 
     Raises:
-        InputError: the address is none of those, or not on this machine.
+        InputError: as `parsed`.
         LinkError: nothing answers there.
+    """
+    where = parsed(address)
+    end_s = time.monotonic() + patience_s
+    while True:
+        try:
+            return TcpLine(socket.create_connection(where, timeout=max(patience_s, _LEAST_S)))
+        except OSError as error:
+            if time.monotonic() > end_s:
+                raise LinkError(f"nothing answers at {address}: {error}") from error
+            time.sleep(0.2)
+
+
+def parsed(address: str) -> tuple[str, int]:
+    """Host and port of `betaflight:tcp://HOST:PORT`.
+
+    Raises:
+        InputError: the address is none of those, or not on this machine.
     """
     parts = urlsplit(address.removeprefix(_PREFIX))
     if not address.startswith(_PREFIX) or parts.scheme not in ("tcp", "serial"):
         raise InputError(f"{address!r} is no vehicle that this can fly; give betaflight:tcp://HOST:PORT")
     if parts.scheme == "serial":
         _require_this_machine(address, "")
-    if not parts.hostname or not parts.port:
+    try:
+        port = parts.port
+    except ValueError:  # no number, or too large
+        port = None
+    if not parts.hostname or not port:
         raise InputError(
             f"{address!r} has no host or port; Betaflight's SITL listens at betaflight:tcp://127.0.0.1:5761"
         )
     _require_this_machine(address, parts.hostname)
-    end_s = time.monotonic() + patience_s
-    while True:
-        try:
-            return TcpLine(socket.create_connection((parts.hostname, parts.port), timeout=max(patience_s, _LEAST_S)))
-        except OSError as error:
-            if time.monotonic() > end_s:
-                raise LinkError(f"nothing answers at {address}: {error}") from error
-            time.sleep(0.2)
+    return parts.hostname, port
 
 
 def _require_this_machine(address: str, host: str) -> None:

@@ -4,7 +4,7 @@
 | --- | --- | --- |
 | waiting | centred, throttle low, disarmed | the planner asks to fly: fresh pose, disarmed, no other mode |
 | following | the planner's force and rates | below |
-| descending | level, no yaw, a bounded descent | on the ground, disarmed, or the pilot's override switch is off |
+| descending | level, no yaw, a bounded descent | on the ground, disarmed, killed, or the pilot's switch is off |
 | pilot | hovering, which the firmware does not look at | disarmed; the switch is on again: descending |
 | down | throttle low, disarmed | the firmware says so, after 5 s; a pilot with a receiver disarms |
 
@@ -33,6 +33,8 @@ class Wish(IntEnum):
     STOP = 2
     """It has landed: disarm."""
     DESCEND = 3
+    KILL = 4
+    """Rotors off, wherever it is."""
 
 
 class Stage(IntEnum):
@@ -138,6 +140,8 @@ class Ladder:
             return self._from_pilot(now_s, seen)
         if not seen.sticks_ours and self._was_armed:
             return Stage.PILOT, Reason.PILOT_TOOK_OVER if self._was_ours else Reason.PILOT_ARMED
+        if seen.wish is Wish.KILL:
+            return Stage.DOWN, Reason.ASKED
         if self.stage is Stage.FOLLOWING:
             return self._from_following(now_s, seen)
         return (Stage.DOWN if seen.landed else Stage.DESCENDING), Reason.NONE

@@ -75,7 +75,7 @@ class PlannerCommand:
         time_s, pose_s, force_n, x, y, z, wish = _COMMAND.unpack(data)
         rate = np.array([x, y, z])
         dated = np.isfinite(pose_s) or pose_s == -np.inf
-        if not (dated and np.isfinite([time_s, force_n, x, y, z]).all() and wish <= Wish.DESCEND):
+        if not (dated and np.isfinite([time_s, force_n, x, y, z]).all() and wish <= Wish.KILL):
             return None
         return PlannerCommand(time_s, pose_s, force_n, rate, Wish(wish))
 

@@ -77,7 +77,8 @@ class Comparing:
         forces = [] if flight is None else [stream for stream, _, _ in residuals.forces(flight).values()]
         flown = [stream for stream in found.streams if stream.group == "flight"]
         columns = [stream for stream in found.streams if stream.group == "column"]
-        return OpenedFlight(name, found.start_s, found.end_s, found.shift_s, [*flown, *forces, *columns])
+        all_there = [*flown, *forces, *columns]
+        return OpenedFlight(name, found.start_s, found.end_s, found.shift_s, all_there, found.left_out)
 
     def read(self, name: str, keys: list[str], from_s: float, to_s: float, points: int) -> list[StreamPart]:
         """Streams of a flight over a stretch of its shifted time.

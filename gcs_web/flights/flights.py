@@ -79,18 +79,26 @@ class Flights:
     def rename(self, name: str, wanted: str) -> str:
         """Give a log another name, with its role and note; the new name.
 
+        At no instant is there a log without them: whatever fails between leaves one that is left out left out.
+
         Raises:
-            InputError: there is no such flight, the name is none, or taken.
+            InputError: there is no such flight, the name is none or taken, or the disk refuses it.
         """
         path, new = self._require(name), project.part_name(wanted.strip())
         target = self._project.flight(new)
+        if target.exists():
+            raise InputError(f"there is a flight {new} already; choose another name")
+        self._set_roles({new: self._role(name)})
+        self._set_notes({new: self._notes.get(name, "")})
         try:
             target.hardlink_to(path)  # never over another file
+            path.unlink()
         except FileExistsError as error:
             raise InputError(f"there is a flight {new} already; choose another name") from error
-        path.unlink()
-        self._set_roles({new: self._role(name)})
-        self._set_notes({new: self._notes.get(name, ""), name: ""})
+        except OSError as error:
+            raise InputError(f"{name} was not renamed ({error.strerror})") from error
+        self._set_roles({name: "learn"})  # as of one that nobody chose for
+        self._set_notes({name: ""})
         self.refresh()
         return new
 

@@ -81,15 +81,20 @@ class Recorded:
             written: keys of formulas that are offered too.
 
         Raises:
-            FlightError: there is no such flight, it cannot be read, or has not what a formula names.
+            FlightError: there is no such flight, or it cannot be read.
         """
         found = self._found(name)
         time_s = found.time_s - found.shift_s
         listed = [Stream(q.key, q.name, q.unit, _group(q)) for q in found.quantities.values()]
+        left_out = []
         for key in written:
-            own = _quantity(name, found, key)
+            try:
+                own = _quantity(name, found, key)
+            except InputError as error:
+                left_out.append(str(error))
+                continue
             listed.append(Stream(own.key, own.name, own.unit, "column"))
-        return OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed)
+        return OpenedFlight(name, float(time_s[0]), float(time_s[-1]), found.shift_s, listed, left_out)
 
     def read(self, name: str, keys: Sequence[str], from_s: float, to_s: float, points: int) -> list[StreamPart]:
         """Streams of a flight over a stretch of its shifted time.

@@ -3,15 +3,18 @@
 import csv
 import importlib
 import io
-import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flight import FloatArray, InputError
 from gcs_web.flights import pyramid
 from gcs_web.protocol.flights import CurveKind
+
+if TYPE_CHECKING:
+    from _typeshed import ReadableBuffer
 
 LEAST_SAMPLES = 64
 """Of a stretch whose spectrum says anything."""
@@ -25,7 +28,6 @@ SPECTROGRAM_DB = 60.0
 """Below its peak: weaker is drawn alike."""
 _WINDOWS = 8
 """Lengths of a window in the longest stretch."""
-_PIECE_BYTES = 1 << 18
 _TIME_DIGITS = 9
 """Of seconds, in a table."""
 
@@ -80,19 +82,9 @@ def density(samples: Samples) -> Density:
     """
     from scipy import signal
 
-    known = np.isfinite(samples.values)
-    time_s, values = samples.time_s[known], samples.values[known]
-    if len(time_s) < LEAST_SAMPLES:
-        raise InputError(f"{samples.label} has {len(time_s)} samples here; a spectrum needs {LEAST_SAMPLES}: zoom out")
-    step_s = float(np.median(np.diff(time_s)))
-    cuts = np.searchsorted(time_s, pyramid.gaps(time_s)[:, 1])
-    spans = [(part[0], part[-1]) for part in np.split(time_s, cuts)]
-    even = [np.interp(np.arange(begin, end + 0.5 * step_s, step_s), time_s, values) for begin, end in spans]
+    step_s, found_even = _even_stretches(samples)
+    even = [values for _, values in found_even]
     longest = max(len(part) for part in even)
-    if longest < LEAST_SAMPLES:
-        raise InputError(
-            f"{samples.label} pauses every {longest} samples; a spectrum needs {LEAST_SAMPLES} without one"
-        )
     length = 2 * int(np.clip(longest // _WINDOWS // 2, LEAST_SAMPLES // 2, MOST_BANDS))
     long_enough = [part for part in even if len(part) >= length]
     found = [signal.welch(part, 1.0 / step_s, nperseg=length, noverlap=length // 2) for part in long_enough]
@@ -104,7 +96,8 @@ def density(samples: Samples) -> Density:
 
 
 def spectrogram(samples: Samples) -> Spectrogram:
-    """Power over time and frequency, dB: Hann windows that overlap by three quarters, the mean of each taken off.
+    """Power over time and frequency, dB: Hann windows that overlap by three quarters, the mean of each taken off; of
+    more than `MOST_COLUMNS` windows, neighbours are averaged.
 
     Of the longest stretch without a pause, taken for evenly spaced as by `density`.
 
@@ -113,33 +106,38 @@ def spectrogram(samples: Samples) -> Spectrogram:
     """
     from scipy import signal
 
-    time_s, values, step_s = _longest_stretch(samples)
+    step_s, even = _even_stretches(samples)
+    time_s, values = max(even, key=lambda part: len(part[0]))
     length = 2 * int(np.clip(len(values) // MOST_COLUMNS * 4 // 2, LEAST_SAMPLES // 2, MOST_BANDS // 4))
-    skip = max(length // 4, -(-len(values) // MOST_COLUMNS))
     frequency_hz, at_s, power = signal.spectrogram(
-        values, 1.0 / step_s, window="hann", nperseg=length, noverlap=max(length - skip, 0), detrend="constant"
+        values, 1.0 / step_s, window="hann", nperseg=length, noverlap=length - length // 4, detrend="constant"
     )
+    begins = np.arange(0, len(at_s), -(-len(at_s) // MOST_COLUMNS))  # of windows that are one column together
+    together = np.diff(begins, append=len(at_s))
+    at_s, power = np.add.reduceat(at_s, begins) / together, np.add.reduceat(power, begins, axis=1) / together
     least = max(float(power.max()), np.finfo(float).tiny) * 10.0 ** (-0.1 * SPECTROGRAM_DB)
     return Spectrogram(time_s[0] + at_s, frequency_hz, 10.0 * np.log10(np.maximum(power, least)))
 
 
-def _longest_stretch(samples: Samples) -> tuple[FloatArray, FloatArray, float]:
-    """Times, values at even steps, and the step, s."""
+def _even_stretches(samples: Samples) -> tuple[float, list[tuple[FloatArray, FloatArray]]]:
+    """The median step, s, and times and values at even steps of each stretch without a pause, one of them long enough.
+
+    Raises:
+        InputError: none is.
+    """
     known = np.isfinite(samples.values)
     time_s, values = samples.time_s[known], samples.values[known]
     if len(time_s) < LEAST_SAMPLES:
         raise InputError(f"{samples.label} has {len(time_s)} samples here; a spectrum needs {LEAST_SAMPLES}: zoom out")
     step_s = float(np.median(np.diff(time_s)))
-    spans = np.split(np.arange(len(time_s)), np.searchsorted(time_s, pyramid.gaps(time_s)[:, 1]))
-    begin_s, end_s = max(
-        ((float(time_s[rows[0]]), float(time_s[rows[-1]])) for rows in spans), key=lambda ends: ends[1] - ends[0]
-    )
-    even_s = np.arange(begin_s, end_s + 0.5 * step_s, step_s)
-    if len(even_s) < LEAST_SAMPLES:
+    spans = np.split(time_s, np.searchsorted(time_s, pyramid.gaps(time_s)[:, 1]))
+    even_s = [np.arange(part[0], part[-1] + 0.5 * step_s, step_s) for part in spans]
+    longest = max(len(part) for part in even_s)
+    if longest < LEAST_SAMPLES:
         raise InputError(
-            f"{samples.label} pauses every {len(even_s)} samples; a spectrum needs {LEAST_SAMPLES} without one"
+            f"{samples.label} pauses every {longest} samples; a spectrum needs {LEAST_SAMPLES} without one"
         )
-    return even_s, np.interp(even_s, time_s, values), step_s
+    return step_s, [(part, np.interp(part, time_s, values)) for part in even_s]
 
 
 def pairs(x: Samples, y: Samples) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -195,8 +193,12 @@ def table(stretches: Iterable[list[Samples]], shift_s: float) -> Iterator[bytes]
             yield _line(["log_time_s", "plot_time_s", *(_title(one) for one in curves)])
         times_s, columns = _side_by_side(curves)
         if len(times_s):
-            times = [np.round(times_s + since_s, _TIME_DIGITS) for since_s in (shift_s, 0.0)]
-            yield _lines([*times, *columns])
+            yield _lines([*_times(times_s, shift_s), *columns])
+
+
+def _times(times_s: FloatArray, shift_s: float) -> list[FloatArray]:
+    """Of the log, and of the plot."""
+    return [np.round(times_s + since_s, _TIME_DIGITS) for since_s in (shift_s, 0.0)]
 
 
 def _side_by_side(curves: Sequence[Samples]) -> tuple[FloatArray, FloatArray]:
@@ -229,21 +231,45 @@ def _line(cells: Sequence[str]) -> bytes:
     return text.getvalue().encode()
 
 
+class _Sink(io.RawIOBase):
+    """A file that is read while it is written, and kept nowhere."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._pieces, self._at = list[bytes](), 0
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: "ReadableBuffer", /) -> int:
+        self._pieces.append(bytes(data))
+        self._at += len(self._pieces[-1])
+        return len(self._pieces[-1])
+
+    def tell(self) -> int:
+        return self._at
+
+    def taken(self) -> bytes:
+        """What was written since it was asked last."""
+        taken, self._pieces = b"".join(self._pieces), []
+        return taken
+
+
 def parquet(stretches: Iterable[list[Samples]], shift_s: float) -> Iterator[bytes]:
     """As `table`, in Parquet: numbers as they were logged, with names and units as the CSV has them."""
     pa, pq = importlib.import_module("pyarrow"), importlib.import_module("pyarrow.parquet")  # they carry no types
-    with tempfile.TemporaryFile() as file:
+    with _Sink() as sink:
         writer = None
         for curves in stretches:
             times_s, columns = _side_by_side(curves)
             if writer is None:
                 names = ["log_time_s", "plot_time_s", *(_title(one) for one in curves)]
                 schema = pa.schema([(name, pa.float64()) for name in names])
-                writer = pq.ParquetWriter(file, schema, compression="zstd")
-            arrays = [times_s + shift_s, times_s, *columns]
+                writer = pq.ParquetWriter(sink, schema, compression="zstd")
+            arrays = [*_times(times_s, shift_s), *columns]
             writer.write_table(pa.table([pa.array(each, from_pandas=True) for each in arrays], schema=schema))
+            if piece := sink.taken():
+                yield piece
         if writer is not None:
             writer.close()
-        file.seek(0)
-        while piece := file.read(_PIECE_BYTES):
-            yield piece
+        yield sink.taken()

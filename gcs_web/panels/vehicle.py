@@ -6,9 +6,10 @@ from datetime import UTC, datetime
 
 import vehicle
 from firmware_bridge.dialect.generated.messages import Command
-from flight import FlightError, FlightLog, InputError, flight_log, results
+from flight import FlightError, FlightLog, InputError, TrajectoryFile, flight_log, results
 from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
+from gcs_web.planning import page_values
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.reply import Reply
 from gcs_web.protocol.vehicle import (
@@ -24,6 +25,7 @@ from gcs_web.protocol.vehicle import (
     TakeControl,
     Upload,
 )
+from gcs_web.protocol.wording import for_page
 
 _COMMANDS = {
     "pause": Command.PAUSE,
@@ -83,7 +85,7 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
         watch = desk.control.required(person)
         desk.control.use_nonce(order.nonce, person, "order")
         if order.order == "start":
-            _start(desk, person)
+            _start(desk, person, order.crc32)
         elif order.order == "arm":
             watch.require_fit()
             watch.order(Command.ARM)
@@ -93,13 +95,15 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
     desk.control.audited(person, order.order, give, desk.about())
 
 
-def _start(desk: Desk, person: Person) -> None:
+def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
     """Fly what the vehicle holds, if it is the checked plan; the log is saved when it has landed."""
     watch = desk.control.required(person)
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
         watch.require_held(file, name)
+        if watch.state().foreign is not None:
+            _require_shown(replace(file, name=name), shown_crc32)
         watch.require_fit()
         desk.control.required(person)  # reading back takes a while
     except BaseException:
@@ -118,13 +122,19 @@ def _start(desk: Desk, person: Person) -> None:
             save(watch.fly(replace(file, name=name), aborted, save))
             desk.control.audit(person, "flight", "landed", desk.about())
         except (FlightError, OSError) as error:
-            desk.notice(f"The flight ended early: {error}", level="danger")
+            desk.notice(f"The flight ended early: {for_page(str(error))}", level="danger")
             desk.control.audit(person, "flight", f"ended early: {error}", desk.about())
         finally:
             watch.end_flight()
             desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _require_shown(file: TrajectoryFile, crc32: str) -> None:
+    """The vehicle holds no plan that could be compared: it flies the one that the person saw."""
+    if page_values.crc32(file) != crc32:
+        raise InputError("the plan is another one than the page showed; look at it again, then start")
 
 
 def _kill(desk: Desk, person: Person, _: Kill) -> None:

@@ -79,6 +79,8 @@ class OpenedFlight(msgspec.Struct, frozen=True):
     shift_s: float
     """What its clock is moved by to stand beside the first flight that is open."""
     streams: list[Stream]
+    left_out: list[str] = []
+    """Why a formula is none of its streams."""
 
 
 class CurvePart(msgspec.Struct, frozen=True):

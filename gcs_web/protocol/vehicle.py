@@ -143,6 +143,8 @@ class PrepareOrder(Command, frozen=True, tag="prepare_order", kw_only=True):
 class Order(VehicleCommand, frozen=True, tag="order", kw_only=True):
     order: Literal["arm", "start", "pause", "resume", "land", "disarm"]
     nonce: str
+    crc32: str = ""
+    """Of the plan that the page shows: a vehicle of other firmware starts that one or none."""
 
 
 class Abort(VehicleCommand, frozen=True, tag="abort", kw_only=True):

@@ -19,7 +19,9 @@ class Looked:
     checks: Sequence[ArmingCheck]
     failsafes: Sequence[Failsafe]
     kill: str
-    """What Kill does to it."""
+    """What Kill does to it, and where it cannot."""
+    armed: bool | None = None
+    """None: it did not tell."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,6 +39,10 @@ class Seen:
     """0: not measured."""
     along_s: float | None = None
     """Time along the trajectory, while it is flown."""
+    armed: bool = True
+    """By the firmware's last word."""
+    down: bool = False
+    """Its rotors are told to stand still."""
 
 
 @dataclass(slots=True)

@@ -12,6 +12,7 @@ import numpy as np
 
 from firmware_bridge import wire
 from firmware_bridge.dialect.generated.messages import Command
+from firmware_bridge.offboard.procedure import STEP_S
 from flight import FlightError, FlightLog, FloatArray, InputError, LinkError, TrajectoryFile, rotations
 from gcs_web.protocol.vehicle import ArmingCheck, Foreign, Held, Vehicle
 from gcs_web.protocol.wording import for_page
@@ -23,7 +24,10 @@ _QUIET_S, _FLYING_S = 0.25, 0.05
 _SILENT_S = 0.5
 """Without a word of a flight that is under way, it is stale."""
 _RETRY_S = 5.0
-_GROUND = "disarmed"
+_PAUSES = f"pauses of {STEP_S:.0f} s in all end the flight: it lands where it stands"
+_GROUND, _STARTS, _UNKNOWN = "disarmed", "starting", "not known"
+_KILLED_S = 1.5
+"""In which whatever flies it says that the rotors are told to stand still."""
 
 
 class ForeignWatch:
@@ -40,6 +44,10 @@ class ForeignWatch:
         self._flown: TrajectoryFile | None = None
         self._seen: Seen | None = None
         self._seen_s = -np.inf
+        self._armed: bool | None = None
+        """On the ground, by what was heard last; None: not known."""
+        self._ended, self._logged = threading.Event(), False
+        """The flight's end; whether it came by itself, with a log."""
         self._said = ""
         self._largest_error_m: float | None = None
         self._room_m: float | None = None
@@ -73,10 +81,13 @@ class ForeignWatch:
         seen = self._seen if self._flown is not None else None
         if seen is None:
             waits = self._flown is not None
-            checks = [ArmingCheck(each.name, each.passed, each.finding, each.remedy) for each in looked.checks]
+            mission = _STARTS if waits else _UNKNOWN if self._armed is None else "armed" if self._armed else _GROUND
+            checks = [
+                ArmingCheck(each.name, each.passed, each.finding, for_page(each.remedy)) for each in looked.checks
+            ]
             return Vehicle(
-                "fresh" if waits else "stale", name=self.url, mission=_GROUND, armed=waits, foreign=foreign,
-                age_s=0.0 if waits else self._age_s(self._looked_s), checks=[] if waits else checks,
+                "stale", name=self.url, mission=mission, armed=bool(self._armed), foreign=foreign,
+                age_s=self._age_s(self._looked_s), checks=[] if waits else checks,
                 reason=self._said or self._problem,
             )  # fmt: skip
         return self._in_flight(seen, foreign)
@@ -90,7 +101,7 @@ class ForeignWatch:
             name=self.url,
             age_s=age_s,
             mission=seen.mission,
-            armed=True,
+            armed=seen.armed,
             battery_v=seen.battery_v or None,
             x_m=x_m,
             y_m=y_m,
@@ -103,7 +114,7 @@ class ForeignWatch:
             duration_s=self._flown.trajectory.duration_s,
             room_m=self._room_m,
             foreign=foreign,
-            reason=self._said,
+            reason=_PAUSES if seen.mission == "paused" else self._said,
         )
 
     @staticmethod
@@ -125,6 +136,9 @@ class ForeignWatch:
         while not self._stop.wait(_QUIET_S if self._flown is None else _FLYING_S):
             try:
                 self.on_state(self.state())
+                if (seen := self._seen) is not None:
+                    self.on_pose(seen.position_world_m, seen.q_world_body)
+                    self.on_setpoint(self._setpoint(seen))
             except Exception:
                 logger.exception("the vehicle's state could not be shown")
 
@@ -146,7 +160,7 @@ class ForeignWatch:
         with self._busy:
             try:
                 self._looked, self._problem = self._flyer.look(), ""
-                self._looked_s = time.monotonic()
+                self._looked_s, self._armed = time.monotonic(), self._looked.armed
             except FlightError as error:
                 self._looked, self._problem = None, for_page(str(error))
             except Exception:
@@ -158,7 +172,7 @@ class ForeignWatch:
             raise LinkError(self._problem or "its settings are being read; wait a moment")
         failed = [str(each) for each in self._looked.checks if not each.passed]
         if failed:
-            raise LinkError(f"not armed. {'. '.join(failed)}")
+            raise LinkError(for_page(f"not armed. {'. '.join(failed)}"))
 
     def held(self) -> Held | None:
         return None
@@ -185,11 +199,18 @@ class ForeignWatch:
             if self._asked is not None:
                 raise LinkError("a flight is under way; land first")
             self._asked = Asked()
+            self._ended.clear()
+            self._logged = False
             return self._asked.land
 
     def end_flight(self) -> None:
+        """What it is afterwards is looked at anew."""
+        flew = self._flown is not None
         self._asked = self._flown = self._seen = None
+        self._ended.set()
         self.on_setpoint(None)
+        if flew:
+            self._look_now.set()
 
     def fly(
         self, file: TrajectoryFile, aborted: threading.Event, ended_early: Callable[[FlightLog], None]
@@ -202,7 +223,11 @@ class ForeignWatch:
         self._room_m = wire.plan_from_file(file).clearance_m or None  # 0: not known
         self._largest_error_m, self._seen, self._flown = 0.0, None, file
         with self._busy:
-            log, early = self._flyer.fly(file, asked, self._told, self._progress)
+            try:
+                log, early = self._flyer.fly(file, asked, self._told, self._progress)
+                self._logged = True
+            finally:
+                self._armed = self._armed if self._seen is None else False if not self._seen.armed else None
         if early:
             ended_early(log)
             raise LinkError(early)
@@ -210,11 +235,10 @@ class ForeignWatch:
         return log
 
     def _told(self, seen: Seen) -> None:
+        """Called by the flight, which nothing here may hold up or end: `_tell` draws it."""
         self._seen, self._seen_s = seen, time.monotonic()
         if (error_m := self._error_m(seen)) is not None:
             self._largest_error_m = max(self._largest_error_m or 0.0, error_m)
-        self.on_pose(seen.position_world_m, seen.q_world_body)
-        self.on_setpoint(self._setpoint(seen))
 
     def _progress(self, stage: str, fraction: float) -> None:
         self._said = for_page(stage)
@@ -242,3 +266,13 @@ class ForeignWatch:
             raise LinkError("no flight of this station is under way: stop it by its own radio")
         asked.kill.set()
         asked.land.set()
+        end_s = time.monotonic() + _KILLED_S
+        while not self._is_down():
+            if self._ended.wait(_FLYING_S) or time.monotonic() > end_s:
+                if self._logged:
+                    return
+                what = self._seen.mission if self._seen is not None else _STARTS
+                raise LinkError(f"Kill is sent, but not confirmed after {_KILLED_S:g} s: {what}; use its own radio")
+
+    def _is_down(self) -> bool:
+        return self._logged or ((seen := self._seen) is not None and seen.down)

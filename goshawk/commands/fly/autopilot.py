@@ -26,12 +26,14 @@ IDLE = 0.0
 def fly(
     model: Vehicle, item: TrajectoryFile, where: offboard.Where, *, arms: bool, progress: Progress,
     cancel: Callable[[], bool], tracker: offboard.NewTracker = Tracker,
+    guard: Callable[..., GuardProcess] = GuardProcess,
 ) -> tuple[FlightLog, str]:  # fmt: skip
     """Read the parameters back, check them and the plan, and fly it.
 
     Args:
         arms: ask for the mode and to arm; else the pilot does both.
         tracker: what follows the plan.
+        guard: starts what guards.
 
     Returns:
         The log, and why the flight ended early: empty if it did not.
@@ -56,9 +58,9 @@ def fly(
         model.gravity_m_s2, where.pose_host, where.pose_port, where.pose_delay_s, clock_port=where.clock_port,
     )  # fmt: skip
     configuration = controller.parameters_of(many_rotors.as_four(model))
-    with GuardProcess(setup.to_json(), module=GUARD) as guard:
+    with guard(setup.to_json(), module=GUARD) as guarding:
         flight = Flight(
-            guard, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            guarding, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
         )  # fmt: skip
         log = flight.fly()

@@ -165,11 +165,13 @@ def require_followable(
 def fly(
     model: Vehicle, item: TrajectoryFile, where: Where, *, progress: Progress, cancel: Callable[[], bool],
     restarted: Callable[[], object] = lambda: time.sleep(RESTART_S), tracker: NewTracker = Tracker,
+    guard: Callable[..., GuardProcess] = GuardProcess,
 ) -> tuple[FlightLog, str]:  # fmt: skip
     """Read the settings back, check them and the plan, and fly it.
 
     Args:
         tracker: what follows the plan.
+        guard: starts what guards.
         restarted: waits until the firmware has started again after its command line.
 
     Returns:
@@ -192,9 +194,9 @@ def fly(
         model.gravity_m_s2, checks.by_msp_alone(found), arm.channel, (arm.from_us + arm.to_us) // 2,
         clock_port=where.clock_port,
     )  # fmt: skip
-    with GuardProcess(setup.to_json()) as guard:
+    with guard(setup.to_json()) as guarding:
         flight = Flight(
-            guard, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
+            guarding, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=motor_of_rotor(model),
         )  # fmt: skip
         flight.tracker.thrust_map = thrust

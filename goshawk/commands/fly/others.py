@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -14,24 +15,35 @@ from firmware_bridge.controller import Command, State
 from firmware_bridge.crazyflie import checks as crazyflie_checks
 from firmware_bridge.crazyflie import crtp
 from firmware_bridge.crazyflie import flight as crazyflie_flight
-from firmware_bridge.crazyflie.client import Client
+from firmware_bridge.crazyflie.client import Bits, Client
 from firmware_bridge.link import refuse_unfit
+from firmware_bridge.offboard import byte_line, ladder, settings
 from firmware_bridge.offboard import checks as betaflight_checks
-from firmware_bridge.offboard import ladder, settings
+from firmware_bridge.offboard.guard_process import GuardProcess
+from firmware_bridge.offboard.ladder import Stage, Wish
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.tracker import Demand, Tracker
-from flight import FlightLog, FloatArray, Progress, TrajectoryFile
+from firmware_bridge.port import is_loopback
+from flight import FlightLog, FloatArray, InputError, Progress, TrajectoryFile
 from gcs_web.protocol.vehicle import Failsafe
 from gcs_web.vehicle.foreign import Asked, Flyer, Looked, Seen
-from goshawk.commands.fly import autopilot, crazyflie, offboard
+from goshawk.commands.fly import apart, autopilot, crazyflie, offboard
 from vehicle import Vehicle
 
 POSES = "udp://127.0.0.1:7777"
 _TELL_S = 0.05
+_BY_GUARD = {
+    Stage.DESCENDING: "the guard brings it down",
+    Stage.PILOT: "the pilot has the sticks",
+    Stage.DOWN: "rotors off",
+}
+"""What it does where the controller is not followed any more."""
 _ON_PATH = (State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
 _CRAZYFLIE_ALONE = "it flies its trajectory to the end, and hovers there until its battery is empty"
 _GUARD = "Goshawk's guard"
-Told = Callable[[Seen], None]
+_NOT_HIS = "not while the pilot has the sticks"
+Told = apart.Told
 
 
 def flyer(address: str, poses: str, model_of: Callable[[], Vehicle]) -> Flyer | None:
@@ -42,11 +54,35 @@ def flyer(address: str, poses: str, model_of: Callable[[], Vehicle]) -> Flyer | 
     of_mavlink = address.startswith(mavlink_line.PREFIX)
     if not of_mavlink and not address.startswith("betaflight:"):
         return None
+    (mavlink_line if of_mavlink else byte_line).parsed(address)
     where = offboard.Where(address, *offboard.pose_address(poses or POSES))
+    if not is_loopback(where.pose_host):
+        raise InputError(f"poses are taken on this machine only, as the page flies simulators; give {POSES}")
     if of_mavlink:
-        mavlink_line.parsed(address)
         return AutopilotFlyer(where, model_of)
     return BetaflightFlyer(where, model_of)
+
+
+@dataclass
+class Heard:
+    """The guard's last word, None before the first."""
+
+    status: GuardStatus | None = None
+
+
+class PageGuard(GuardProcess):
+    """Keeps what it hears; a kill reaches the guard whatever the planner is about."""
+
+    def __init__(self, setup_json: str, *, asked: Asked, heard: Heard, **more: str) -> None:
+        super().__init__(setup_json, **more)
+        self._asked, self._heard = asked, heard
+
+    def hear(self) -> GuardStatus:
+        self._heard.status = super().hear()
+        return self._heard.status
+
+    def answer(self, command: PlannerCommand) -> None:
+        super().answer(replace(command, wish=Wish.KILL) if self._asked.kill.is_set() else command)
 
 
 class PageTracker(Tracker):
@@ -54,11 +90,11 @@ class PageTracker(Tracker):
 
     def __init__(
         self, configuration: controller.Configuration, poses: Poses, start_world_m: FloatArray, asked: Asked,
-        told: Told,
+        told: Told, heard: Heard,
     ) -> None:  # fmt: skip
         super().__init__(configuration, poses)
-        self._start_world_m, self._asked, self._told = start_world_m, asked, told
-        self._killed, self._told_s = False, -np.inf
+        self._start_world_m, self._asked, self._told, self._heard = start_world_m, asked, told, heard
+        self._killed, self._told_s, self._told_of = False, -np.inf, (Stage.WAITING, False)
 
     @property
     def state(self) -> State:
@@ -72,8 +108,10 @@ class PageTracker(Tracker):
     def tick(self, now_s: float, *, battery_v: float = 0.0) -> Demand | None:
         self._obey()
         demand = super().tick(now_s, battery_v=battery_v)
-        if demand is not None and now_s - self._told_s >= _TELL_S:
-            self._told_s = now_s
+        now = self._heard.status
+        of = (now.stage, now.armed) if now is not None else self._told_of
+        if demand is not None and (now_s - self._told_s >= _TELL_S or of != self._told_of):
+            self._told_s, self._told_of = now_s, of
             self._told(self._seen(battery_v))
         return demand
 
@@ -106,9 +144,11 @@ class PageTracker(Tracker):
         assert self.motion is not None
         telemetry, motion = self.controller.telemetry, self.motion
         along_s = 1e-6 * float(telemetry["path_time_us"]) if self.state in _ON_PATH else None
+        stage, armed = self._told_of
         return Seen(
-            _words(self.state), motion.position_world_m.copy(), motion.velocity_world_m_s.copy(),
-            motion.q_world_body.copy(), battery_v, along_s,
+            _BY_GUARD.get(stage) or _words(self.state),
+            motion.position_world_m.copy(), motion.velocity_world_m_s.copy(),
+            motion.q_world_body.copy(), battery_v, along_s, armed, stage in (Stage.DOWN, Stage.ENDED),
         )  # fmt: skip
 
 
@@ -127,16 +167,12 @@ class BetaflightFlyer:
         self.restarted()
         return Looked(
             found.firmware, offboard.arming_checks(self.model_of(), found), _betaflight_failsafes(found),
-            "throttle to nothing, and disarmed where no pilot's switch arms it",
+            f"throttle to nothing, and disarmed where no pilot's switch arms it; {_NOT_HIS}", armed=False,
         )  # fmt: skip
 
     def fly(self, file: TrajectoryFile, asked: Asked, told: Told, progress: Progress) -> tuple[FlightLog, str]:
-        model = _fit(self.model_of(), file)
-        log, early = offboard.fly(
-            model, file, self.where, progress=progress, cancel=asked.land.is_set, restarted=self.restarted,
-            tracker=lambda configuration, poses: PageTracker(configuration, poses, _start(file), asked, told),
-        )  # fmt: skip
-        return _of_course(log, file), early
+        work = partial(_fly_betaflight, _fit(self.model_of(), file), file, self.where)
+        return apart.fly(work, asked, told, progress, self.restarted)
 
 
 @dataclass
@@ -153,16 +189,12 @@ class AutopilotFlyer:
         failsafes = [*_guards(), Failsafe(name, "this computer stops", autopilot_checks.when_we_die(found))]
         return Looked(
             found.firmware, autopilot.arming_checks(self.model_of(), found, self.where, arms=True), failsafes,
-            f"no thrust; {name} decides whether it disarms in the air",
+            f"no thrust; {name} decides whether it disarms in the air; {_NOT_HIS}", armed=found.armed,
         )  # fmt: skip
 
     def fly(self, file: TrajectoryFile, asked: Asked, told: Told, progress: Progress) -> tuple[FlightLog, str]:
-        model = _fit(self.model_of(), file)
-        log, early = autopilot.fly(
-            model, file, self.where, arms=True, progress=progress, cancel=asked.land.is_set,
-            tracker=lambda configuration, poses: PageTracker(configuration, poses, _start(file), asked, told),
-        )  # fmt: skip
-        return _of_course(log, file), early
+        work = partial(_fly_autopilot, _fit(self.model_of(), file), file, self.where)
+        return apart.fly(work, asked, told, progress)
 
 
 @dataclass
@@ -185,7 +217,8 @@ class CrazyflieFlyer:
             Failsafe("Crazyflie", "this computer or the radio stops", _CRAZYFLIE_ALONE),
         ]
         checked = tuple(crazyflie_checks.supervisor(bits))
-        return Looked("Crazyflie", checked, failsafes, "emergency stop: it is locked until it is switched off")
+        kill = "emergency stop: it is locked until it is switched off"
+        return Looked("Crazyflie", checked, failsafes, kill, armed=_is_armed(bits))
 
     def fly(self, file: TrajectoryFile, asked: Asked, told: Told, progress: Progress) -> tuple[FlightLog, str]:
         log, early = crazyflie.fly(
@@ -193,6 +226,37 @@ class CrazyflieFlyer:
             stop=asked.kill.is_set, told=lambda seen: told(_of_crazyflie(seen)),
         )  # fmt: skip
         return _of_course(log, file), early
+
+
+def _fly_betaflight(
+    model: Vehicle, file: TrajectoryFile, where: offboard.Where, asked: Asked, told: Told, progress: Progress,
+    restarted: apart.Restarted,
+) -> tuple[FlightLog, str]:  # fmt: skip
+    """An `apart.Work`."""
+    heard = Heard()
+    log, early = offboard.fly(
+        model, file, where, progress=progress, cancel=asked.land.is_set, restarted=restarted,
+        tracker=_tracker(file, asked, told, heard), guard=partial(PageGuard, asked=asked, heard=heard),
+    )  # fmt: skip
+    return _of_course(log, file), early
+
+
+def _fly_autopilot(
+    model: Vehicle, file: TrajectoryFile, where: offboard.Where, asked: Asked, told: Told, progress: Progress,
+    restarted: apart.Restarted,
+) -> tuple[FlightLog, str]:  # fmt: skip
+    """An `apart.Work`."""
+    del restarted
+    heard = Heard()
+    log, early = autopilot.fly(
+        model, file, where, arms=True, progress=progress, cancel=asked.land.is_set,
+        tracker=_tracker(file, asked, told, heard), guard=partial(PageGuard, asked=asked, heard=heard),
+    )  # fmt: skip
+    return _of_course(log, file), early
+
+
+def _tracker(file: TrajectoryFile, asked: Asked, told: Told, heard: Heard) -> offboard.NewTracker:
+    return lambda configuration, poses: PageTracker(configuration, poses, _start(file), asked, told, heard)
 
 
 def _fit(model: Vehicle, file: TrajectoryFile) -> Vehicle:
@@ -215,6 +279,11 @@ def _of_crazyflie(seen: crazyflie_flight.Seen) -> Seen:
     return Seen(
         _words(seen.state), seen.position_world_m, seen.velocity_world_m_s, seen.q_world_body, seen.battery_v, along_s
     )
+
+
+def _is_armed(bits: Bits) -> bool:
+    """By somebody: one that arms by itself stands armed from when it is switched on."""
+    return bool(bits & Bits.FLYING) or bool(bits & Bits.ARMED and not bits & Bits.AUTO_ARMED)
 
 
 def _words(state: State) -> str:

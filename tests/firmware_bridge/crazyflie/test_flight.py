@@ -1,5 +1,6 @@
 """A plan on a simulated Crazyflie: flown, refused, lost and landed. No Crazyflie has flown it."""
 
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -29,6 +30,9 @@ MODEL = vehicle.example("rigter2019")
 PLAN = poly4d.refit(WAY).trajectory
 START = WAY.position([0.0])[0]
 TAKE_OFF, LAND, GO_TO, START_TRAJECTORY, STOP, DEFINE = 7, 8, 12, 13, 3, 6
+
+
+SEEN = procedure.Seen(State.TRAJECTORY, np.zeros(3), np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]), 3.9, 1.0)
 
 
 def simulated(**more) -> SimulatedCrazyflie:
@@ -511,6 +515,39 @@ def test_nobody_there_is_said():
     order = process.Order("crazyflie:udp://127.0.0.1:9", PLAN, arms=False, motor_of_rotor=(0, 1, 2, 3))
     with pytest.raises(LinkError, match="does not answer: its memories"):
         process.fly(order, progress=silent, cancel=lambda: False)
+
+
+def test_a_reader_that_stops_holds_up_no_flight():
+    ours, theirs = multiprocessing.Pipe()
+    sent = 0
+    while process.has_room(theirs) and sent < 100_000:
+        theirs.send(SEEN)
+        sent += 1
+    assert 10 < sent < 100_000
+    while ours.poll():
+        ours.recv()
+    assert process.has_room(theirs)
+    theirs.close()
+    assert not process.has_room(theirs)
+
+
+@pytest.mark.slow
+def test_one_who_asked_and_hangs_does_not_keep_the_crazyflie_in_the_air(server):
+    """A pipe that is full from the beginning: nothing waits for it before the landing."""
+    plan = poly4d.refit(SHORT).trajectory
+    order = process.Order(f"crazyflie:udp://127.0.0.1:{server.port}", plan, False, (0, 1, 2, 3))
+    ours, theirs = multiprocessing.get_context("spawn").Pipe()
+    while process.has_room(theirs):
+        theirs.send(SEEN)
+    flying = multiprocessing.get_context("spawn").Process(target=process._main, args=(order, theirs), daemon=True)
+    flying.start()
+    theirs.close()
+    try:
+        waiting.until(lambda: STOP in server.simulation.commands)
+        assert not server.simulation.dropped
+    finally:
+        ours.close()
+        flying.join()
 
 
 @pytest.mark.slow

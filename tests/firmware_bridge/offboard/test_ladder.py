@@ -44,6 +44,16 @@ def test_every_loss_has_its_stage(lost, stage, reason):
     assert ladder.reason is reason
 
 
+def test_a_kill_stops_the_rotors_while_it_descends_but_the_pilots_sticks_are_his():
+    ladder = flying()
+    assert ladder.step(10.3, replace(GOOD, command_s=10.3, pose_s=10.0)) is Stage.DESCENDING
+    killed = replace(GOOD, command_s=10.4, pose_s=10.0, wish=Wish.KILL)
+    assert ladder.step(10.4, replace(killed, wish=Wish.STOP)) is Stage.DESCENDING
+    assert ladder.step(10.4, killed) is Stage.DOWN
+    his = flying()
+    assert his.step(10.0, replace(killed, command_s=10.0, sticks_ours=False)) is Stage.PILOT
+
+
 def test_nothing_is_armed_for_a_planner_that_dies_on_the_ground():
     ladder = Ladder()
     assert ladder.step(1.0, replace(GOOD, armed=False, planner_gone=True)) is Stage.ENDED

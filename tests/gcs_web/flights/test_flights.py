@@ -216,6 +216,20 @@ def test_what_a_flight_is_for_outlives_the_station(opened, listing):
         made.set_role("c", "learn")
 
 
+def test_a_name_that_the_disk_refuses_is_said_and_leaves_the_flight_as_it_was(opened, listing, monkeypatch):
+    made, _ = listing
+    flight_log.save(opened.flight("a"), flown())
+    made.set_role("a", "hold_out")
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "hardlink_to", full)
+    with pytest.raises(InputError, match="a was not renamed"):
+        made.rename("a", "b")
+    assert [(card.name, card.role) for card in made.listed()] == [("a", "hold_out")]
+
+
 def test_a_name_and_a_note_are_kept_in_the_project_and_a_taken_name_is_refused(opened, listing):
     made, _ = listing
     for name in ("a", "b"):

@@ -157,6 +157,35 @@ def test_a_spectrogram_shows_when_a_tone_sounds_and_reaches_over_no_pause():
         studies.spectrogram(of(time_s[:50], values[:50]))
 
 
+def test_a_spectrogram_of_a_million_samples_has_few_columns_and_leaves_out_none():
+    time_s = np.arange(1_000_000) / 1000.0
+    values = np.zeros(len(time_s))
+    values[700_100:700_300] = np.sin(2 * np.pi * 100.0 * time_s[:200])
+    found = studies.spectrogram(of(time_s, values))
+    assert studies.MOST_COLUMNS / 2 < len(found.time_s) <= studies.MOST_COLUMNS
+    row, column = np.unravel_index(np.argmax(found.power_db), found.power_db.shape)
+    assert found.frequency_hz[row] == pytest.approx(100.0, abs=5.0)
+    assert found.time_s[column] == pytest.approx(700.2, abs=5.0)
+
+
+def test_parquet_is_given_away_as_it_is_written_with_the_times_of_the_csv():
+    asked = []
+
+    def stretches():
+        for i in range(3):
+            asked.append(i)
+            yield [of(np.arange(100) / 3.0 + 100.0 * i, np.arange(100.0))]
+
+    import pyarrow.parquet as pq
+
+    pieces = studies.parquet(stretches(), 0.1)
+    first = next(pieces)
+    assert asked == [0]
+    table = pq.read_table(pa_file(first + b"".join(pieces)))
+    times_s = table["log_time_s"].to_numpy()
+    np.testing.assert_array_equal(times_s, np.round(times_s, 9))
+
+
 def test_parquet_has_the_numbers_of_the_csv():
     import pyarrow.parquet as pq
 

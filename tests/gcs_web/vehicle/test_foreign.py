@@ -83,12 +83,16 @@ async def started(page: Page, simulation: SimulatedAutopilot) -> None:
     assert not (await page.command("connect", url=simulation.address))["error"]
     await page.until(lambda p: p.state["vehicle"].get("foreign"))
     assert not (await page.command("take_control"))["error"]
+    nonce = (await page.command("prepare_order"))["nonce"]
+    unseen = await page.command("order", order="start", nonce=nonce, crc32="00000000")
+    assert "another one than the page showed" in unseen["error"]
     assert not await ordered(page, "start")
 
 
 async def ordered(page: Page, order: str) -> str:
     nonce = (await page.command("prepare_order"))["nonce"]
-    return (await page.command("order", order=order, nonce=nonce))["error"]
+    crc32 = page.state["plan"]["crc32"]
+    return (await page.command("order", order=order, nonce=nonce, crc32=crc32))["error"]
 
 
 def saved(station: GroundStation) -> FlightLog:
@@ -228,10 +232,13 @@ def test_an_address_that_is_none_is_refused_and_one_that_nobody_answers_says_so(
     with serving(pillar_map, tmp_path / "p", others.flyer) as station:
 
         async def talk(page: Page):
-            for bad in ("mavlink:udp://10.0.0.1:14540", "crazyflie:radio://0/80/2M", "betaflight:tcp://x"):
+            for bad in ("mavlink:udp://10.0.0.1:14540", "crazyflie:radio://0/80/2M", "betaflight:tcp://x",
+                        "betaflight:tcp://127.0.0.1:99999", "betaflight:tcp://10.0.0.1:5761"):  # fmt: skip
                 said = (await page.command("connect", url=bad))["error"]
                 assert said, bad
             assert "udp://" in (await page.command("connect", url="mavlink:udp://127.0.0.1:9", poses="7777"))["error"]
+            far = await page.command("connect", url="betaflight:tcp://127.0.0.1:5761", poses="udp://10.0.0.1:7777")
+            assert "this machine only" in far["error"]
             assert not (await page.command("connect", url="crazyflie:udp://127.0.0.1:9"))["error"]
             await page.until(lambda p: "does not answer" in p.state["vehicle"].get("reason", ""))
             assert page.state["vehicle"]["link"] == "lost"

@@ -823,6 +823,7 @@ export interface OpenedFlight {
   end_s: number;
   shift_s: number;
   streams: Stream[];
+  left_out: string[];
 }
 
 export interface Order {
@@ -830,6 +831,7 @@ export interface Order {
   serial: number;
   order: "arm" | "start" | "pause" | "resume" | "land" | "disarm";
   nonce: string;
+  crc32?: string;
 }
 
 export interface OutsideCurve {

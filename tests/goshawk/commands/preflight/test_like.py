@@ -30,10 +30,10 @@ def folder(pillar_map: Path, tmp_path_factory) -> Path:
     return folder
 
 
-def flown() -> FlightLog:
+def flown(*, position_std_m: float = 0.005) -> FlightLog:
     rng, time_s = np.random.default_rng(0), np.arange(0.0, SECONDS, 1.0 / RATE_HZ)
     curve = np.stack([np.sin(time_s), np.cos(time_s), 1.0 + 0.0 * time_s], axis=1)
-    position = curve + rng.normal(0.0, 0.005, curve.shape)
+    position = curve + rng.normal(0.0, position_std_m, curve.shape)
     position[(time_s % (SECONDS / GAPS) > 2.0 - 1e-6) & (time_s % (SECONDS / GAPS) < 2.0 + GAP_S - 1e-6)] = np.nan
     rate = rng.normal(0.0, 0.03, curve.shape)
     return flight_log.from_vectors(time_s, {"position_world_m": position, "rate_body_rad_s": rate})
@@ -71,7 +71,8 @@ def test_screen_file_and_page_name_the_flight(folder, tmp_path):
 
 
 def test_the_flights_noise_is_flown(folder):
-    like = flown_ahead(folder, "--like", folder / "gaps.parquet", "--drop-outs", 0, "--json").stdout
+    flight_log.save(folder / "noisy.parquet", flown(position_std_m=0.05))
+    like = flown_ahead(folder, "--like", folder / "noisy.parquet", "--drop-outs", 0, "--json").stdout
     without = flown_ahead(folder, "--json").stdout
     assert json.loads(like)["error_m"]["median"] > json.loads(without)["error_m"]["median"]
 

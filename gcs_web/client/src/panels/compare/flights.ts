@@ -126,7 +126,8 @@ export async function addFormula(text: string): Promise<string> {
   const key = `${FORMULA}${text.trim().replaceAll("|", "")}`;
   const flights = open.value.slice(0, 1);
   if (flights.length === 0) return "Open a flight first.";
-  const { error } = await send({ type: "open_flights", flights, formulas: [key] });
+  const reply = await send({ type: "open_flights", flights, formulas: [key] });
+  const error = reply.error !== "" ? reply.error : (reply.flights[0]?.left_out[0] ?? "");
   if (error === "" && !streamKeys.value.includes(key)) streamKeys.value = [...streamKeys.value, key];
   return error;
 }

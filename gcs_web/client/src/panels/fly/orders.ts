@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { edit, send, submit } from "../../core/socket";
-import { aborting, announce, connected, doc, hasVehicle, inControl, link, people, step, vehicle, verdict } from "../../core/store";
+import { aborting, announce, connected, doc, hasVehicle, inControl, link, people, plan, step, vehicle, verdict } from "../../core/store";
 import type { Order, Reply } from "../../core/protocol";
 
 /**
@@ -89,9 +89,10 @@ export const mayOrder = computed(
 );
 
 export async function giveOrder(what: Order["order"]): Promise<void> {
+  const crc32 = plan.value?.crc32 ?? ""; // as it is seen now
   const { error, nonce } = await send({ type: "prepare_order" });
   if (error !== "") announce(error, "danger");
-  else await submit({ type: "order", order: what, nonce });
+  else await submit({ type: "order", order: what, nonce, crc32 });
 }
 
 export async function abort(): Promise<void> {
