@@ -5,16 +5,13 @@ import importlib
 import io
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from flight import FloatArray, InputError
 from gcs_web.flights import pyramid
 from gcs_web.protocol.flights import CurveKind
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
 
 LEAST_SAMPLES = 64
 """Of a stretch whose spectrum says anything."""
@@ -241,7 +238,7 @@ class _Sink(io.RawIOBase):
     def writable(self) -> bool:
         return True
 
-    def write(self, data: "ReadableBuffer", /) -> int:
+    def write(self, data: Any, /) -> int:
         self._pieces.append(bytes(data))
         self._at += len(self._pieces[-1])
         return len(self._pieces[-1])

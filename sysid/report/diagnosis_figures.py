@@ -140,7 +140,7 @@ def follows(trace: FloatArray, residuals: Sequence[Residual]) -> str:
     Of those that the flights hold; a voltage, say, that was not recorded is NaN.
     """
     shares = {}
-    for variable in VARIABLE.values():
+    for variable in explained.variables(residuals):
         values = explained.read(residuals, variable)
         if variable.name not in NO_CAUSE and np.isfinite(values).all():
             _, mean, _ = drawing.binned(values, trace)

@@ -497,7 +497,7 @@ def test_by_udp_it_flies_in_a_process_of_its_own(server):
 @pytest.mark.parametrize(
     ("limits", "said"),
     [
-        ({"rate_rad_s": 0.5}, r"turns at \d+ deg/s about (roll|pitch) at .* allow 23 .*limits of the vehicle file"),
+        ({"rate_rad_s": 0.4}, r"turns at \d+ deg/s about (roll|pitch) at .* allow 23 .*limits of the vehicle file"),
         ({"rotor_speed_max_rad_s": 1005.0}, r"takes [\d.]+ N at [\d.]+ s, the rotors give [\d.]+ N"),
     ],
 )

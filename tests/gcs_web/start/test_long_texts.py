@@ -19,7 +19,9 @@ TEXTS = """() => {
   const found = [];
   for (const each of document.querySelectorAll(blocks)) {
     if (each.querySelector(blocks.replace(", button", "")) || !each.checkVisibility()) continue;
-    const text = each.innerText.trim();
+    const shut = [...each.querySelectorAll("select")].reduce(  // of a closed list only what is chosen is shown
+      (text, select) => text.replace(select.innerText, select.selectedOptions[0]?.text ?? ""), each.innerText);
+    const text = shut.trim();
     found.push([text.split(/\\s+/).length, text]);
   }
   return found.sort((a, b) => b[0] - a[0]);
