@@ -10,7 +10,7 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
@@ -81,16 +81,31 @@ def fly(
         LinkError: it never left the ground.
     """
     endpoint(order.address)
+    with begun(_main, order, name="crazyflie") as line:
+        return _until_flown(line, progress, cancel, stop, told)
+
+
+@contextlib.contextmanager
+def begun(main: Callable[..., None], first: object, *, name: str) -> Iterator[Connection]:
+    """The line to a new process that runs `main(first, its end of the line)`; at the end, waits until it is over."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
-    process = context.Process(target=_main, args=(order, theirs), name="crazyflie")
+    process = context.Process(target=main, args=(first, theirs), name=name)
     process.start()
     theirs.close()
     try:
-        return _until_flown(ours, progress, cancel, stop, told)
+        yield ours
     finally:
         ours.close()
         process.join()
+
+
+def outlive_the_terminal() -> None:
+    """No signal of the terminal that started this process ends it."""
+    with contextlib.suppress(OSError):
+        os.setsid()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
 
 
 def _until_flown(
@@ -131,11 +146,7 @@ def has_room(line: Connection) -> bool:
 
 
 def _main(order: Order, line: Connection) -> None:
-    """The process, which no signal of the other's terminal ends."""
-    with contextlib.suppress(OSError):
-        os.setsid()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    outlive_the_terminal()
 
     def tell(what: object) -> None:
         with contextlib.suppress(OSError):  # nobody waits any more

@@ -107,7 +107,7 @@ class Flight:
             self._reach(State.TRAJECTORY, STEP_S, "the way to the start")
             self._reach(State.HOLD, self._trajectory.duration_s + STEP_S, "the trajectory")
             self._for(0.5)
-        except Exception as early:  # whatever it is, it is in the air, and its log is wanted
+        except Exception as early:  # whatever it is, it is in the air, and its log is kept
             self.ended_early = _words(early)
         self._land()
         return self._log()

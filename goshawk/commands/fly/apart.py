@@ -4,15 +4,12 @@ If the station dies or hangs, the vehicle lands.
 """
 
 import contextlib
-import multiprocessing
-import os
-import signal
 import threading
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import cast
 
-from firmware_bridge.crazyflie.process import has_room
+from firmware_bridge.crazyflie.process import begun, has_room, outlive_the_terminal
 from flight import FlightError, FlightLog, LinkError, Progress
 from gcs_web.vehicle.foreign import Asked, Seen
 
@@ -35,16 +32,8 @@ def fly(
     Raises:
         LinkError: it never left the ground, or its process ended.
     """
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=main, args=(work, theirs), name="flight")
-    process.start()
-    theirs.close()
-    try:
-        return _until_flown(ours, asked, told, progress, restarted)
-    finally:
-        ours.close()
-        process.join()
+    with begun(main, work, name="flight") as line:
+        return _until_flown(line, asked, told, progress, restarted)
 
 
 def _until_flown(
@@ -92,11 +81,7 @@ def _hear(line: Connection, asked: Asked, restarted: threading.Event) -> None:
 
 
 def main(work: Work, line: Connection) -> None:
-    """The process, which no signal of the station's terminal ends."""
-    with contextlib.suppress(OSError):
-        os.setsid()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    outlive_the_terminal()
     asked, restarted = Asked(), threading.Event()
     threading.Thread(target=_hear, args=(line, asked, restarted), name="hear", daemon=True).start()
 
