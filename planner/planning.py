@@ -89,13 +89,7 @@ def plan(
         PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: `stop` was set, from another thread.
     """
-    path, route = from_scratch(waypoints, field, vehicle, options, conditions, stop, progress)
-    return of_path(path, waypoints, route.points)
-
-
-def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan:
-    """The plan that is this path, which has passed the gate."""
-    return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
+    return from_scratch(waypoints, field, vehicle, options, conditions, stop, progress)[1]
 
 
 def from_scratch(
@@ -106,12 +100,12 @@ def from_scratch(
     conditions: Conditions | None,
     stop: StopFlag | None,
     progress: Progress = silent,
-) -> tuple[Path, routes.Route]:
+) -> tuple[Path, Plan]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
     request = inputs.admitted(waypoints, field, vehicle, options, conditions, stop)
     asked = request.conditions
-    inside = replace(request, field=asked.room(request.options.roomier(field), request.options))
+    inside = replace(request, field=asked.room(field, request.options))
     route = routes.of(inside)
     progress("optimise", 0.2)
 
@@ -123,7 +117,7 @@ def from_scratch(
     progress("gate", 1.0)
     if not path.report.passed:
         raise refused(path)
-    return path, route
+    return path, Plan(path.trajectory, path.report, waypoints, route.points, path.method, (path.optimum,))
 
 
 def refused(path: Path) -> PlanInfeasibleError:

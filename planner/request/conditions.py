@@ -193,7 +193,8 @@ class Conditions:
         return space.KeepIn(self.keep_in_world_m, float(self.keep_in_radius_m))
 
     def room(self, field: space.DistanceField, options: PlanOptions) -> space.DistanceField:
-        """The field to plan in: inside the tube, if there is one."""
+        """The field to plan in: with more room where margins are larger, and inside the tube, if there is one."""
+        field = options.roomier(field)
         return field if self.tube is None else space.Within(field, self.tube, options.clearance_m)
 
     def check_inside(self, points_world_m: FloatArray) -> None:
