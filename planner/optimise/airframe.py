@@ -62,11 +62,8 @@ class Airframe:
     effort_hover: FloatArray
     mix: FloatArray
     """(r, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What each column of an excess belongs to."""
-        return names_of(len(self.effort_hover))
+    names: tuple[str, ...]
+    """What each column of an excess belongs to."""
 
 
 def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
@@ -104,6 +101,7 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         ),
         effort_hover=np.append(hover**2 / mean_square, idle),
         mix=np.concatenate([mix, np.zeros((len(idle), 4))]),
+        names=names_of(vehicle.rotors + len(idle)),
     )
 
 

@@ -185,6 +185,12 @@ class Conditions:
             "jerk_m_s3": None if self.leg_jerk_m_s3 is None else np.minimum(jerk, limits.largest_jerk_m_s3),
         }
 
+    def given_speeds(self, velocity: FloatArray | None) -> list[tuple[int, float]]:
+        """Knots whose speed is given, and that speed, from their `velocity` (k + 1, 4) as in `AtKnots`."""
+        inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
+        ends = [(knot, motion[0]) for knot, motion in ((0, self.start), (-1, self.end)) if motion is not None]
+        return [(knot, float(portable.length(v[:3]))) for knot, v in inner + ends]
+
     @property
     def tube(self) -> space.KeepIn | None:
         """The tube that the path stays in, if any."""

@@ -46,14 +46,6 @@ def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
     return np.fmax(np.where(distance_m > slack, concave, distance_m - slack), -np.inf)
 
 
-def aim(field: DistanceField, required_m: float) -> float:
-    """The interpolated distance at which `required_m` is certain."""
-    grid = getattr(field, "grid", None)
-    if grid is None:
-        return required_m
-    return float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
-
-
 def around_path(field: DistanceField, polyline: FloatArray, near_m: float) -> Distances:
     """Distances (n,) and gradients (n, 3) for an optimiser that starts from a free polyline (m, 3).
 
