@@ -270,9 +270,7 @@ def until_flyable(
         drawn: False where only places of the knots about `wrong` are known.
         corrections, used: those of an earlier answer, and what the gate found of it.
     """
-    corrections = (
-        Corrections(len(spline.durations_s), len(problem.airframe.names)) if corrections is None else corrections
-    )
+    corrections = corrections or Corrections(len(spline.durations_s), len(problem.airframe.names))
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     proven = set[bytes]()
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0

@@ -209,25 +209,17 @@ def route(
     slack_m = _HALF_DIAGONAL * grid.step_m + getattr(getattr(field, "grid", None), "half_diagonal_m", 0.0)
     if gap is not None and 0.5 * gap.width_m + slack_m < required_m:
         return None  # the distance changes by no more than the way to the nearest cell: finer cells are no help
-    return _finer(field, grid, start, goal, required_m, comfort_m)
+    finer = _finer(field, grid, np.stack([start, goal]))
+    return None if finer is None else route(field, finer, start, goal, required_m, comfort_m)
 
 
-def _finer(
-    field: space.DistanceField,
-    grid: Lattice,
-    start: FloatArray,
-    goal: FloatArray,
-    required_m: float,
-    comfort_m: float,
-) -> FloatArray | None:
-    """Once more with half the cells' size, near the two points only; None if that is too fine to be worth it."""
+def _finer(field: space.DistanceField, grid: Lattice, points: FloatArray) -> Lattice | None:
+    """Half the cells' size, near the two points only; None if that is too fine to be worth it."""
     if grid.step_m < 0.03:
         return None
     cells = _CELLS_FINE if hasattr(field, "grid") else _CELLS  # a formula is slow to sample
-    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m, cells=cells)
-    if closer.step_m > 0.75 * grid.step_m:
-        return None
-    return route(field, closer, start, goal, required_m, comfort_m)
+    closer = lattice(field, points, 3.0, finest_m=0.5 * grid.step_m, cells=cells)
+    return None if closer.step_m > 0.75 * grid.step_m else closer
 
 
 def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
