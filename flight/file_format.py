@@ -8,10 +8,13 @@ import os
 import shutil
 import tempfile
 import tomllib
+import zipfile
+import zlib
 from collections.abc import Generator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
+import numpy as np
 import tomli_w
 
 from flight.errors import FormatError, InputError, missing
@@ -151,6 +154,28 @@ def read_toml(path: Path, *, format: str, version: int) -> Document:
     except (ValueError, RecursionError) as error:
         raise FormatError(f"{path} is not valid TOML ({error})") from error
     return _checked(path, document, format, version)
+
+
+def write_layer(path: Path, *, version: int, **arrays: np.ndarray) -> None:
+    """Arrays of a map as a compressed `.npz`."""
+    with atomic_file(path) as temporary, open(temporary, "wb") as file:
+        np.savez_compressed(file, version=version, **arrays)
+
+
+def read_layer(path: Path, *names: str, version: int, fault: str) -> list[np.ndarray]:
+    """The arrays of these names, as `write_layer` wrote them.
+
+    Raises:
+        FormatError: the file is damaged, which the message says with `fault`, or newer.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            found, arrays = int(archive["version"]), [archive[name] for name in names]
+    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
+        raise FormatError(f"{path} is {fault}: {damage_text(error)}; build the map again") from error
+    if found > version:
+        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    return arrays
 
 
 def _text(path: Path, format: str) -> str:

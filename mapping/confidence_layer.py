@@ -3,8 +3,6 @@
 In the order of the vertices of `mesh.ply`. A map of an earlier version has none: nothing is known of its surface then.
 """
 
-import zipfile
-import zlib
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +16,8 @@ VERSION = 1
 
 def save(path: Path, known: SurfaceConfidence) -> None:
     """Write it as a compressed `.npz`; half precision, which is 0.1 % of a deviation."""
-    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(
-            file, version=VERSION, deviation_m=known.deviation_m.astype(np.float16), images=known.images
-        )
+    deviation_m = known.deviation_m.astype(np.float16)
+    file_format.write_layer(path, version=VERSION, deviation_m=deviation_m, images=known.images)
 
 
 def load(path: Path, vertices: int) -> SurfaceConfidence:
@@ -32,16 +28,8 @@ def load(path: Path, vertices: int) -> SurfaceConfidence:
     """
     if not path.is_file():
         return confidence.unknown(vertices)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            version, deviation_m, images = int(archive["version"]), archive["deviation_m"], archive["images"]
-    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(
-            f"{path} is a damaged layer of the surface's confidence: {file_format.damage_text(error)}; build the map "
-            "again"
-        ) from error
-    if version > VERSION:
-        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    fault = "a damaged layer of the surface's confidence"
+    deviation_m, images = file_format.read_layer(path, "deviation_m", "images", version=VERSION, fault=fault)
     if (deviation_m.dtype, images.dtype) != (np.float16, np.uint8) or not (
         deviation_m.shape == images.shape == (vertices,)
     ):

@@ -4,8 +4,6 @@ The voxels stay unknown in the distance field, which is an obstacle to the plann
 of a plane, an edit that clears measured surface does not open an inferred one, and what another map saw free is free.
 """
 
-import zipfile
-import zlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -23,8 +21,7 @@ VERSION = 1
 
 def save(path: Path, inferred: Mask) -> None:
     """Write the mask (nx, ny, nz) as a compressed `.npz`."""
-    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, version=VERSION, inferred=inferred)
+    file_format.write_layer(path, version=VERSION, inferred=inferred)
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> Mask:
@@ -35,15 +32,8 @@ def load(path: Path, shape: tuple[int, int, int]) -> Mask:
     """
     if not path.is_file():
         return np.zeros(shape, bool)
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            version, inferred = int(archive["version"]), archive["inferred"]
-    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(
-            f"{path} is a damaged layer of inferred surface: {file_format.damage_text(error)}; build the map again"
-        ) from error
-    if version > VERSION:
-        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    fault = "a damaged layer of inferred surface"
+    [inferred] = file_format.read_layer(path, "inferred", version=VERSION, fault=fault)
     if inferred.dtype != bool or inferred.shape != shape:
         raise FormatError(
             f"{path} holds {inferred.dtype} of shape {inferred.shape}, the field bool of {shape}; build the map again"

@@ -4,8 +4,6 @@ Stated by the looks of the images (`contradiction`) for each voxel that is free 
 images contradict, which are unknown in the map, and those that stay free.
 """
 
-import zipfile
-import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -58,8 +56,7 @@ def save(path: Path, stated: NDArray[np.float16] | None) -> None:
     """Write the layer as a compressed `.npz`; nothing if it is not known."""
     if stated is None:
         return
-    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, version=VERSION, probability=stated)
+    file_format.write_layer(path, version=VERSION, probability=stated)
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
@@ -70,16 +67,8 @@ def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
     """
     if not path.is_file():
         return None
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            version, values = int(archive["version"]), archive["probability"]
-    except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(
-            f"{path} is a damaged layer of occupancy probabilities: {file_format.damage_text(error)}; build the map "
-            "again"
-        ) from error
-    if version > VERSION:
-        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    fault = "a damaged layer of occupancy probabilities"
+    [values] = file_format.read_layer(path, "probability", version=VERSION, fault=fault)
     if values.dtype != np.float16 or values.shape != shape:
         raise FormatError(f"{path} holds {values.dtype} of shape {values.shape}, expected float16 of {shape}")
     if not (np.isnan(values) | ((values >= 0.0) & (values <= 1.0))).all():

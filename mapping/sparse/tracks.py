@@ -3,8 +3,6 @@
 Without it a map is whole but for this: maps of earlier versions have none.
 """
 
-import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +12,6 @@ from flight import FloatArray, FormatError, file_format
 
 FILE = "tracks.npz"
 VERSION = 1
-_DAMAGE = (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,10 +47,8 @@ def joined(first: Tracks, second: Tracks) -> Tracks:
 
 def save(folder: Path, tracks: Tracks) -> None:
     """Write it into the folder of a localization map; pixels to 1/1000."""
-    with file_format.atomic_file(folder / FILE) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(
-            file, version=VERSION, index=tracks.index.astype(np.int32), pixels=tracks.pixels.astype(np.float32)
-        )
+    index, pixels = tracks.index.astype(np.int32), tracks.pixels.astype(np.float32)
+    file_format.write_layer(folder / FILE, version=VERSION, index=index, pixels=pixels)
 
 
 def load(folder: Path, points: int, instants: int, cameras: int) -> Tracks:
@@ -65,13 +60,7 @@ def load(folder: Path, points: int, instants: int, cameras: int) -> Tracks:
     path = folder / FILE
     if not path.is_file():
         return none()
-    try:
-        with np.load(path, allow_pickle=False) as archive:
-            version, index, pixels = int(archive["version"]), archive["index"], archive["pixels"]
-    except _DAMAGE as error:
-        raise FormatError(f"{path} is damaged: {file_format.damage_text(error)}; build the map again") from error
-    if version > VERSION:
-        raise FormatError(f"{path} is of a newer version; update Goshawk")
+    index, pixels = file_format.read_layer(path, "index", "pixels", version=VERSION, fault="damaged")
     fits = index.dtype == np.int32 and index.ndim == 2 and index.shape[1:] == (3,) and pixels.shape == (len(index), 2)
     if not fits or (index < 0).any() or (index >= [points, instants, cameras]).any() or not np.isfinite(pixels).all():
         raise FormatError(f"{path} is not of this map's points and images; build the map again")

@@ -32,13 +32,7 @@ _OUT = Path("OUT.toml")
 @click.command()
 @click.argument("flights", nargs=-1, required=True, type=click.Path(path_type=Path))
 @console.vehicle_option
-@click.option(
-    "--held-out",
-    "held_out",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Held-out flight: used for evaluation only. Repeatable.",
-)
+@fit_options.held_out_option
 @fit_options.fit_options()
 @click.option("--auto", is_flag=True, help="Repeat until no candidate effect is significant.")
 @console.path_option("--out", "out", "Vehicle file to write: the fitted model with the added effects.")

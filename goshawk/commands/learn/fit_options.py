@@ -6,6 +6,7 @@ import shlex
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from pathlib import Path
 from typing import Any
 
 import click
@@ -29,6 +30,14 @@ BALANCE_SHARE = 0.03
 
 anyway_option = click.option(
     "--anyway", is_flag=True, help="Write the vehicle file even if the verdict is `do not use`."
+)
+
+held_out_option = click.option(
+    "--held-out",
+    "held_out",
+    multiple=True,
+    type=click.Path(path_type=Path),
+    help="Held-out flight: used for evaluation only. Repeatable.",
 )
 
 Chosen = Mapping[str, Any]

@@ -78,13 +78,7 @@ def _with_stages(function: Any) -> Any:
 @click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
 @console.vehicle_option
 @console.path_option("--out", "out", "Vehicle file to write.", required=True)
-@click.option(
-    "--held-out",
-    "held_out",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Held-out flight: used for evaluation only. Repeatable.",
-)
+@fit_options.held_out_option
 @click.option("--add-effect", "added", multiple=True, metavar="NAME", help="Add this effect to the model. Repeatable.")
 @fit_options.fit_options()
 @_with_stages

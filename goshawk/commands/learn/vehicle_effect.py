@@ -24,12 +24,6 @@ Function = Literal["equation", "spline", "polynomial"]
 
 vehicle_argument = click.argument("vehicle_file", metavar="VEHICLE", type=click.Path(path_type=Path))
 _flights = click.argument("flights", nargs=-1, type=click.Path(path_type=Path))
-_held_out = click.option(
-    "--held-out",
-    multiple=True,
-    type=click.Path(path_type=Path),
-    help="Held-out flight: used for evaluation only. Repeatable.",
-)
 
 
 def _flights_options(verb: Any) -> Any:
@@ -39,7 +33,7 @@ def _flights_options(verb: Any) -> Any:
         fit_options.anyway_option,
         console.dry_run_option,
         console.columns_option,
-        _held_out,
+        fit_options.held_out_option,
         _flights,
     ):
         verb = option(verb)
