@@ -54,9 +54,7 @@ def stops(drone, pillar) -> list[str]:
     waypoints = Waypoints(np.array([[-2.0, 0.0, 1.5], [2.0, 0.3, 1.5], [4.0, -1.0, 1.2]]), np.full(3, np.nan))
     plans: list[planner.Plan] = []
     found = way(lambda: plans.append(planner.plan(waypoints, pillar, drone)))
-    [plan] = plans
-    assert plan.gate.passed
-    assert len(plan.route_world_m) > 3, "nothing was in the way"
+    assert len(plans[0].route_world_m) > 3, "nothing was in the way"
     return found
 
 
@@ -76,7 +74,8 @@ def test_a_stop_is_counted_when_a_function_is_entered_for_the_first_time(drone):
     """By hand: of two calls of a property and one of a method, in one module, and none of what is defined elsewhere."""
     options = planner.PlanOptions(radius_m=0.2)
     assert way(lambda: (options.clearance_m, options.clearance_m, len("elsewhere"))) == ["request.options"]
-    asked = planner.Conditions()
-    there = way(lambda: (options.clearance_m, asked.tube, options.limits_for(drone), options.clearance_m))
+    there = way(
+        lambda: (options.clearance_m, planner.Conditions().tube, options.limits_for(drone), options.clearance_m)
+    )
     assert there == ["request.options", "request.conditions", "request.options"]
     assert returns(there) == 1
