@@ -159,7 +159,7 @@ def read_toml(path: Path, *, format: str, version: int) -> Document:
 def write_layer(path: Path, *, version: int, **arrays: np.ndarray) -> None:
     """Arrays of a map as a compressed `.npz`."""
     with atomic_file(path) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(file, version=version, **arrays)
+        np.savez_compressed(file, version=version, **arrays)  # pyright: ignore[reportArgumentType]
 
 
 def read_layer(path: Path, *names: str, version: int, fault: str) -> list[np.ndarray]:
