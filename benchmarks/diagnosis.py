@@ -43,10 +43,18 @@ def names(result: Result) -> list[str]:
     return [effect_of(n) for n in result["diagnosis"]["additions"] if effect_of(n) != "imu_errors"]
 
 
+def too_small(result: Result) -> list[str]:
+    """Effects that the sentence says to show, too small to matter: added, never taken out, and not named as missing."""
+    ended = {effect_of(name): outcome for name, outcome, _ in result["diagnosis"].get("attempts") or ()}
+    named = {*map(effect_of, result["diagnosis"]["additions"])}
+    return [name for name, outcome in ended.items() if outcome == "added" and name not in named]
+
+
 def family_is_right(result: Result) -> bool:
     """Whether something is named, and every name is of a family that is hidden, or as good as one."""
     diagnosed = result["diagnosis"]
     said = {family_of(name) for name in (*names(result), *map(effect_of, diagnosed.get("undecided") or ()))}
+    said |= {family_of(name) for name in too_small(result) if name in right(result)}
     said |= {diagnosed["family_of_curve"]} if diagnosed.get("family_of_curve") else set()
     return bool(said) and said <= {family_of(name) for name in right(result)}
 
@@ -79,6 +87,7 @@ def sentence_is_right(result: Result) -> bool:
     if diagnosed["outside"] is not None and not curve_is_right:
         return False
     undecided = {effect_of(name) for name in diagnosed.get("undecided") or ()}
+    said += [name for name in too_small(result) if name in right(result)]
     if undecided and not undecided & {*right(result)}:
         return False
     if result["kind"] in ("outside", "form"):

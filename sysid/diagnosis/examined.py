@@ -283,7 +283,8 @@ def form_of(
     curve: Outside, named: Sequence[tuple[Candidate, float]], drawn: Sequence[Outside] = ()
 ) -> Candidate | None:
     """The named effect of whose law a curve is the form: in its channel, by what it reads, and of which the curve
-    explains a small share; None if there is none.
+    explains a small share; None if there is none. What follows a level axis' own speed along it is drag whatever its
+    share: beside a named drag it is that one's form.
 
     Then the curve shows that this effect's law is not exactly the catalogue's, and nothing that is missing besides.
 
@@ -294,7 +295,14 @@ def form_of(
     """
     own = [(explained, candidate) for candidate, explained in named if _by_what_it_reads(curve, candidate, drawn)]
     most, best = max(own, key=lambda pair: pair[0], default=(0.0, None))
-    return best if curve.score.gain_unseen < THRESHOLDS.form_share * most else None
+    share = 1.0 if best is not None and _is_drag(curve, best) else THRESHOLDS.form_share
+    return best if curve.score.gain_unseen < share * most else None
+
+
+def _is_drag(curve: Outside, candidate: Candidate) -> bool:
+    """Whether both are a force along a level axis by the speed along it."""
+    along = (curve.channel, curve.variable) in {("F_x", "v_x"), ("F_y", "v_y")}
+    return along and effects.find(candidate.effect).family == DRAG
 
 
 def _by_what_it_reads(curve: Outside, candidate: Candidate, drawn: Sequence[Outside]) -> bool:

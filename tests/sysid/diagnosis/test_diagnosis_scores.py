@@ -254,3 +254,16 @@ def test_a_name_of_the_right_family_counts_for_the_family_and_one_of_another_fam
     undecided = result("single", drag)
     undecided["diagnosis"]["undecided"] = ["parasitic_drag_speed", "rotor_drag_speed"]
     assert family_is_right(undecided)
+
+
+@pytest.mark.parametrize(("ended", "is_right"), [("added", True), ("removed", False), ("not confirmed", False)])
+def test_the_nearest_law_that_is_said_to_show_too_small_to_matter_is_no_silence(ended: str, is_right: bool):
+    from diagnosis import family_is_right, sentence_is_right
+
+    small = result("form", near=["flapping_moment"])
+    small["diagnosis"]["attempts"] = [["flapping_moment", "added", ""], ["flapping_moment", ended, ""]]
+    assert sentence_is_right(small) == family_is_right(small) == is_right
+    other = result("form", near=["ground_effect"])
+    other["diagnosis"]["attempts"] = small["diagnosis"]["attempts"]
+    assert not sentence_is_right(other)
+    assert not family_is_right(other)

@@ -162,6 +162,24 @@ def test_the_form_of_a_law_follows_what_the_law_reads(channel: str, variable: st
         assert examined.form_of(drawn, [(drag, 100.0)], [drawn, as_good]) == drag
 
 
+@pytest.mark.parametrize(
+    ("channel", "variable", "gain", "own"),
+    [
+        ("F_y", "v_y", 60.0, True),
+        ("F_x", "v_x", 60.0, True),
+        ("F_y", "v_x", 60.0, False),
+        ("F_z", "v_z", 60.0, False),
+        ("F_y", "v_y", 110.0, False),
+    ],
+)
+def test_a_level_force_by_its_own_speed_beside_a_named_drag_is_that_drag(channel, variable, gain, own):
+    """Whatever its share, short of explaining more than the name did; up and down inflow is as likely."""
+    drag = replace(candidate("parasitic_drag_linear"), channels=("F_x", "F_y", "F_z"))
+    wind = replace(drag, name="constant_wind", effect="constant_wind")
+    assert examined.form_of(curve(channel, variable, gain), [(drag, 100.0)]) == (drag if own else None)
+    assert examined.form_of(curve(channel, variable, gain), [(wind, 100.0)]) is None
+
+
 def test_every_effect_of_the_catalogue_that_shows_in_a_channel_reads_something(drawable):
     for name in drawable:
         one = replace(candidate("a"), regressor=effects.find(name).regressor)
