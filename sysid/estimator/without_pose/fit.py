@@ -26,8 +26,7 @@ from sysid.estimator.joint_problem.solver import (
 )
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import Options
-from sysid.estimator.trajectory.states import States
-from sysid.estimator.without_pose import airspeed, coloured, left_out
+from sysid.estimator.without_pose import coloured, left_out
 from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.coloured import Coloured
 from sysid.estimator.without_pose.sensing import Shown, left, shown
@@ -166,8 +165,8 @@ def _solution(
     """What statistics and reports need of the point where the iterations ended."""
     parts = [shown(f, point.vehicle, unknowns.names, unknowns.model, point.sensors) for f in flights]
     noise = coloured.fitted([part.left for part in parts], order)
-    causes = [_with_causes(f, part, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
-    count = len(airspeed.CAUSES)
+    causes = [left_out.with_causes(f, part, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
+    count = causes[0].by.shape[2] - unknowns.size
     _, beside = _beside(known, point, unknowns)
     carried = sum(np.outer(slope, slope) for slope in (p.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2 for p in causes))
     carried[count:, count:] += prior.information + beside.T @ beside
@@ -188,12 +187,6 @@ def _solution(
     moved = left_out.moves(solution, carried + sum(one for of_flight in extended for one, _ in of_flight))
     sizes = left_out.possible(solution, extended, carried, len(unknowns.bias) + len(unknowns.delay))
     return replace(solution, shifts=moved @ np.linalg.cholesky(sizes))
-
-
-def _with_causes(flight: Flight, part: Shown, point: Point, states: States) -> Shown:
-    """The derivatives by what an unmeasured air speed adds, before those by the unknowns."""
-    added = np.stack(airspeed.felt(flight, point, states), axis=2)
-    return replace(part, by=np.concatenate([added, part.by], axis=2))
 
 
 def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:
