@@ -168,7 +168,8 @@ def _solution(
     causes = [left_out.with_causes(f, part, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
     count = causes[0].by.shape[2] - unknowns.size
     _, beside = _beside(known, point, unknowns)
-    carried = sum(np.outer(slope, slope) for slope in (p.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2 for p in causes))
+    balance = np.stack([part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2 for part in causes])
+    carried = balance.T @ balance
     carried[count:, count:] += prior.information + beside.T @ beside
     extended = [_scores(f, part, noise, options.block_s) for f, part in zip(flights, causes, strict=True)]
     scores = tuple(tuple((i[count:, count:], g[count:]) for i, g in of_flight) for of_flight in extended)
@@ -184,7 +185,8 @@ def _solution(
         record=record,
         converged=converged,
     )
-    moved = left_out.moves(solution, carried + sum(one for of_flight in extended for one, _ in of_flight))
+    shown_by = np.sum([one for of_flight in extended for one, _ in of_flight], axis=0)
+    moved = left_out.moves(solution, carried + shown_by)
     sizes = left_out.possible(solution, extended, carried, len(unknowns.bias) + len(unknowns.delay))
     return replace(solution, shifts=moved @ np.linalg.cholesky(sizes))
 
