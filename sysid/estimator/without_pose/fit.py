@@ -188,7 +188,7 @@ def _solution(
     shown_by = np.sum([one for of_flight in extended for one, _ in of_flight], axis=0)
     moved = left_out.moves(solution, carried + shown_by)
     sizes = left_out.possible(solution, extended, carried, len(unknowns.bias) + len(unknowns.delay))
-    return replace(solution, shifts=moved @ np.linalg.cholesky(sizes))
+    return replace(solution, shifts=moved @ left_out.root(sizes))
 
 
 def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:

@@ -66,6 +66,12 @@ def possible(solution: Solution, scores: Sequence[Sequence[Score]], prior: Float
     return posterior + np.outer(mean, mean)
 
 
+def root(moments: FloatArray) -> FloatArray:
+    """(c, c) symmetric, whose square they are; of rounding below zero, zero."""
+    values, vectors = np.linalg.eigh(moments)
+    return np.asarray((vectors * np.sqrt(np.maximum(values, 0.0))) @ vectors.T, dtype=np.float64)
+
+
 def _estimate(
     solution: Solution, scores: Sequence[Sequence[Score]], prior: FloatArray, own: int
 ) -> tuple[FloatArray, FloatArray]:

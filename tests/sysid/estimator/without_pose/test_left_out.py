@@ -56,6 +56,13 @@ def test_errors_are_as_large_as_stated_over_causes_of_usual_sizes(seen, monkeypa
     assert np.mean(over) == pytest.approx(1.0, abs=0.2)
 
 
+def test_the_root_of_moments_is_real_whatever_rounding_made_of_them():
+    moments = np.array([[1.0, 0.5], [0.5, 0.25 - 1e-12]])
+    found = left_out.root(moments)
+    np.testing.assert_allclose(found @ found, moments, atol=1e-9)
+    np.testing.assert_array_equal(left_out.root(np.eye(3)), np.eye(3))
+
+
 def test_leaving_a_cause_out_moves_what_goes_with_it_alone():
     solution, scores, prior, line = solved(np.random.default_rng(4), 3.0, 0.0)
     moved = left_out.moves(solution, prior + sum(i for i, _ in scores[0]))[:, 0]
