@@ -21,6 +21,8 @@ BESIDE = np.array([0.86, 0.92, 1.08, 1.14])
 """Shares of a rotor's speed at which nothing turns: the noise there is the noise at the line."""
 SCALES = np.geomspace(0.5, 1.5, 110)
 """Tried of a full throttle's speed that nobody measured."""
+FINER = np.linspace(0.99, 1.01, 11)
+"""Of the best of them."""
 TIMES = 3.0
 """The line of a bent rotor over every other's."""
 SURE = 6.0
@@ -42,7 +44,7 @@ class Line:
     rotor: int
     rms_m_s2: float
     next_m_s2: float
-    """The strongest of the other rotors' lines, with two standard errors."""
+    """The strongest of the other rotors' lines, its standard error added."""
 
     @property
     def sentence(self) -> str:
@@ -90,7 +92,7 @@ def find(logs: Sequence[FlightLog], fit: Identification) -> tuple[Line | None, s
 def strongest(power: FloatArray, std: FloatArray) -> Line | None:
     """The line that surely is several times every other, of powers (r,) and their standard errors, m²/s⁴."""
     first = int(np.argmax(power))
-    others = np.delete(np.maximum(power, 0.0) + 2.0 * std, first)
+    others = np.delete(np.maximum(power, 0.0) + std, first)
     least = max(TIMES**2 * float(others.max()), LEAST_M_S2**2, SURE * std[first])
     if not power[first] > least:
         return None
@@ -173,11 +175,19 @@ def _scale(pieces: Sequence[_Piece], rate_hz: float) -> float:
     scales = SCALES[fastest > SCALES]
     if len(scales) == 0:
         return 1.0
+    height = _heights(blocks, scales)
+    about = np.stack([np.median(height[max(0, i - 15) : i + 16], axis=0) for i in range(len(scales))])
+    i, rotor = np.unravel_index(int(np.argmax(height / about)), height.shape)
+    finer = scales[i] * FINER
+    return float(finer[int(np.argmax(_heights(blocks, finer)[:, rotor]))])
+
+
+def _heights(blocks: Sequence[_Piece], scales: FloatArray) -> FloatArray:
+    """(s, r) power of each rotor's line at each scale of speed, noise and other rotors' lines not taken off."""
     height = np.zeros((len(scales), blocks[0].speed_rad_s.shape[1]))
     for block in blocks:
         force = np.hanning(len(block.time_s))[:, None] * (block.force_m_s2 - block.force_m_s2.mean(axis=0))
         turning = _turning(block, 1.0)
         for i, scale in enumerate(scales):
             height[i] += (np.abs(np.exp(-1j * scale * turning).T @ force) ** 2).sum(axis=1)
-    about = np.stack([np.median(height[max(0, i - 15) : i + 16], axis=0) for i in range(len(scales))])
-    return float(scales[int(np.argmax((height / about).max(axis=1)))])
+    return height

@@ -27,7 +27,7 @@ NOTHING = 1e-6
 """Information on a cause that no flight shows: a thousand times its usual size."""
 UNNAMED = LowPass(2.0 * np.pi * 316.0, 1.74)
 """What a firmware usually puts behind a gyro or accelerometer, where the log does not say: first order at 100 Hz (and
-1 kHz). A delay takes up most of it; the rest made lags 2 % long and inertias 1 % small."""
+1 kHz). A delay takes up most of it."""
 
 
 def with_causes(flight: Flight, part: Shown, point: Point, states: States) -> Shown:
