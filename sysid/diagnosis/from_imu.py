@@ -1,6 +1,7 @@
 """Diagnosis of flights without a pose: which fault gyro, accelerometer and commands show.
 
-Only what the IMU feels is tried: a weak rotor, a centre of mass beside the hubs, uneven propellers, turning masses.
+Only what the IMU feels is tried: a weak or bent rotor, a centre of mass beside the hubs, uneven propellers, turning
+masses.
 What needs the velocity (drag, inflow, flapping) is not tried, and named.
 """
 
@@ -14,7 +15,7 @@ import numpy as np
 from flight import FlightLog, InputError, Progress, silent, within
 from sysid.diagnosis import effect_sizes
 from sysid.diagnosis.decision import Case, decide, sentence
-from sysid.diagnosis.evidence import candidates
+from sysid.diagnosis.evidence import candidates, rotor_line
 from sysid.diagnosis.evidence.candidates import Candidate, CandidateSet, base_names, candidate_set
 from sysid.diagnosis.evidence.evidence import Blocks
 from sysid.diagnosis.evidence.score import Score, score
@@ -85,6 +86,8 @@ class ImuDiagnosis:
     """Candidates of which one is missing and the flights do not separate them, the likeliest first."""
     late_gyro: Clock | None
     """The accelerometer's clock, where the gyro is surely behind it: a low-pass of its own, or late samples."""
+    bent: rotor_line.Line | None
+    """The rotor whose vibration is several times every other's."""
     invisible: tuple[tuple[str, str], ...]
     """Effects that no flight of this kind can show, with the reason."""
     flights: tuple[str, ...]
@@ -113,6 +116,8 @@ class ImuDiagnosis:
         if self.late_gyro is not None:
             ms, std = -1e3 * self.late_gyro.delay_s, 1e3 * self.late_gyro.std_robust
             parts.append(f"the gyro is {ms:.1f} ± {std:.2g} ms behind the accelerometer")
+        if self.bent is not None:
+            parts.append(self.bent.sentence)
         if self.fit.verdict.use is Use.REJECTED:
             parts.append(f"none of it is sure, for the fit is {self.fit.verdict.sentence}")
         return "; ".join(parts) if parts else "nothing that an IMU could show in these flights is missing"
@@ -130,6 +135,8 @@ class ImuDiagnosis:
         sure = [one.confidence for one in self.named]
         if self.undecided:
             sure.append(sum(one.confidence for one in self.candidates if one.name in self.undecided))
+        if self.bent is not None:
+            sure.append(THRESHOLDS.most_confidence)
         if not sure:
             sure = [1.0 - max((one.confidence for one in self.candidates), default=0.0)]
         most = THRESHOLDS.even_confidence if self.fit.verdict.against else THRESHOLDS.most_confidence
@@ -150,6 +157,7 @@ class ImuDiagnosis:
             "additions": list(self.additions),
             "undecided": list(self.undecided),
             "gyro_late_s": None if late is None else {"value": -late.delay_s, "sigma": late.std_robust},
+            "bent_rotor": None if self.bent is None else {"rotor": self.bent.rotor, "rms_m_s2": self.bent.rms_m_s2},
             "parameters": {
                 name: {"value": p.value, "sigma": p.std, "unit": p.unit} for name, p in self.vehicle.parameters.items()
             },
@@ -212,6 +220,7 @@ def diagnose(
         added = [*(t for t in added if effect_sizes.shows(trials[0].fit, t.candidate)), trials[0]]
         looked = _look(trials[0].fit)
     progress("diagnose", 1.0)
+    bent, unseen = rotor_line.find(logs, looked.fit)
     names = tuple(str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate(logs))
     mute = [s for s in base_look.all.candidates if s.name not in base_look.scores]
     reasons = [(s.name, THRUST_LAW if effects.find(s.effect).instead_of else NEEDS_VELOCITY) for s in mute]
@@ -222,7 +231,8 @@ def diagnose(
         candidates=tuple(sorted(found, key=lambda one: (one.verdict is not Verdict.PRESENT, -one.confidence))),
         undecided=tuple(t.candidate.name for t in undecided),
         late_gyro=_late_gyro(model.clocks),
-        invisible=(*base_look.all.invisible, *reasons),
+        bent=bent,
+        invisible=(*base_look.all.invisible, *reasons, *([("bent_rotor", unseen)] if unseen else [])),
         flights=names,
     )
 

@@ -59,9 +59,11 @@ def felt(flight: Flight, point: Point, states: States) -> list[FloatArray]:
     found = []
     for cause in CAUSES:
         vehicle = _with_usual(point.vehicle, cause, hover_rad_s)
-        parts = [along(v, driven, mid) for v in (vehicle, vehicle.without_effect(cause)) for mid in (moving, still)]
-        share = CLIMB_OFF if cause in point.vehicle.effects else 1.0
-        found.append(share * (parts[0] - parts[1] - parts[2] + parts[3]))
+        there, without = (
+            [along(v, driven, mid) for mid in (moving, still)] for v in (vehicle, vehicle.without_effect(cause))
+        )
+        known = CLIMB_OFF * (there[0] - there[1] - without[0] + without[1])
+        found.append(known if cause in point.vehicle.effects else there[0] - without[0])
     return found
 
 

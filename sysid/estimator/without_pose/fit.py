@@ -26,8 +26,7 @@ from sysid.estimator.joint_problem.solver import (
 )
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import Options
-from sysid.estimator.trajectory.states import States
-from sysid.estimator.without_pose import airspeed, coloured
+from sysid.estimator.without_pose import coloured, left_out
 from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.coloured import Coloured
 from sysid.estimator.without_pose.sensing import Shown, left, shown
@@ -166,14 +165,15 @@ def _solution(
     """What statistics and reports need of the point where the iterations ended."""
     parts = [shown(f, point.vehicle, unknowns.names, unknowns.model, point.sensors) for f in flights]
     noise = coloured.fitted([part.left for part in parts], order)
+    causes = [left_out.with_causes(f, part, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
+    count = causes[0].by.shape[2] - unknowns.size
     _, beside = _beside(known, point, unknowns)
-    balance = beside.T @ beside
-    for part in parts:
-        slope = part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2
-        balance += np.outer(slope, slope)
-    scores = tuple(_scores(f, part, noise, options.block_s) for f, part in zip(flights, parts, strict=True))
+    balance = np.stack([part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2 for part in causes])
+    carried = balance.T @ balance
+    carried[count:, count:] += prior.information + beside.T @ beside
+    extended = [_scores(f, part, noise, options.block_s) for f, part in zip(flights, causes, strict=True)]
+    scores = tuple(tuple((i[count:, count:], g[count:]) for i, g in of_flight) for of_flight in extended)
     levels = _levels(flights, parts)
-    pulls = [_pulls(f, part, noise, point, s) for f, part, s in zip(flights, parts, point.states, strict=True)]
     residuals = tuple(_residuals(f, part, noise, levels) for f, part in zip(flights, parts, strict=True))
     solution = Solution(
         point=point,
@@ -181,20 +181,14 @@ def _solution(
         residuals=residuals,
         scores=scores,
         information=tuple(np.sum([one for one, _ in of_flight], axis=0) for of_flight in scores),
-        prior_information=prior.information + balance,
+        prior_information=carried[count:, count:],
         record=record,
         converged=converged,
     )
-    return replace(solution, shifts=solution.covariance() @ np.sum(pulls, axis=0))
-
-
-def _pulls(flight: Flight, part: Shown, noise: Coloured, point: Point, states: States) -> FloatArray:
-    """(p, causes) pull on the parameters of what an unmeasured air speed adds."""
-    by = noise.white(part.by)
-    mean = part.by[:, FORCE_Z].mean(axis=0) / BALANCE_M_S2**2
-    added = airspeed.felt(flight, point, states)
-    pulls = [np.einsum("kcp,kc->p", by, noise.white(one)) + mean * one[:, FORCE_Z].mean() for one in added]
-    return np.stack(pulls, axis=1)
+    shown_by = np.sum([one for of_flight in extended for one, _ in of_flight], axis=0)
+    moved = left_out.moves(solution, carried + shown_by)
+    sizes = left_out.possible(solution, extended, carried, len(unknowns.bias) + len(unknowns.delay))
+    return replace(solution, shifts=moved @ left_out.root(sizes))
 
 
 def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:
