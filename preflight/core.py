@@ -147,8 +147,8 @@ class Loop:
         ]  # fmt: skip
         plan = wire.plan_from_trajectory(trajectory, clearance_m=clearance_m)
         self._flights = _preflight.Flights(
-            kernel.marked, kernel.own, vehicle.hub_body_m, vehicle.spin, vector(configuration.parameters), plan.durations_us, plan.coefficients, plan.clearance_m,
-            np.array(common, dtype=np.float64),
+            kernel.marked, kernel.own, vehicle.hub_body_m, vehicle.spin, vector(configuration.parameters),
+            plan.durations_us, plan.coefficients, plan.clearance_m, np.array(common, dtype=np.float64),
         )  # fmt: skip
         reason, segment = self._flights.refused()
         if reason:
@@ -208,7 +208,6 @@ class Loop:
             positions, errors, path_s, states, ending, state, reason, summary[:, 3], summary[:, 4], summary[:, 5] > 0.0,
             summary[:, 6], summary[:, 7], steps, summary[:, 9],
         )  # fmt: skip
-
 
     def _fly_one_by_one(self, rows: tuple[Any, ...], seeds: NDArray[np.uint64], kept: tuple[Any, ...]) -> None:
         """With effects in Python, which read one flight's values at a time."""

@@ -128,7 +128,8 @@ def fly(scenario: Scenario, options: Options | None = None, *, progress: Progres
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + options.assumed + study.in_python() + study.free_air() + (() if found is None else (rare.assumed(record),))
+    said = (*drawn.assumed, *options.assumed, *study.in_python(), *study.free_air())
+    assumed = said if found is None else (*said, rare.assumed(record))
     if options.decide_only:
         return Result(
             record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found,

@@ -42,8 +42,9 @@ class Flights {
   public:
     // `common`: see preflight/core.py. Durations and coefficients fit into the store. Of the effects, an empty name is
     // the next of `own`, with which `fly` takes one thread.
-    Flights(const std::vector<std::string>& effects, const OwnEffects& own, In<double, 2> hubs, In<double, 1> spin, In<float, 1> parameters,
-            In<std::uint32_t, 1> durations_us, In<float, 3> coefficients, float clearance_m, In<double, 1> common)
+    Flights(const std::vector<std::string>& effects, const OwnEffects& own, In<double, 2> hubs, In<double, 1> spin,
+            In<float, 1> parameters, In<std::uint32_t, 1> durations_us, In<float, 3> coefficients, float clearance_m,
+            In<double, 1> common)
         : model_(effects, hubs.data(), spin.data(), own_effects(own)), setup_(std::make_unique<Setup>()) {
         if (common.shape(0) != kCommon) throw std::invalid_argument("the common row has another length");
         fill(common.data());
@@ -162,8 +163,8 @@ NB_MODULE(_preflight, m) {
     m.attr("COMMON") = kCommon;
     m.attr("SUMMARY") = kSummary;
     nb::class_<Flights>(m, "Flights")
-        .def(nb::init<const std::vector<std::string>&, const OwnEffects&, In<double, 2>, In<double, 1>, In<float, 1>, In<std::uint32_t, 1>,
-                      In<float, 3>, float, In<double, 1>>())
+        .def(nb::init<const std::vector<std::string>&, const OwnEffects&, In<double, 2>, In<double, 1>, In<float, 1>,
+                      In<std::uint32_t, 1>, In<float, 3>, float, In<double, 1>>())
         .def("refused", &Flights::refused)
         .def_prop_ro("width", &Flights::width)
         .def("fly", &Flights::fly);

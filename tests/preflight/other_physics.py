@@ -87,7 +87,9 @@ class Together:
                 self._left -= 1
                 self._try_to_move()
 
-    def step(self, truth: flying.Truth | Physics, state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
+    def step(
+        self, truth: flying.Truth | Physics, state: FloatArray, command: FloatArray, duration_s: float
+    ) -> FloatArray:
         """A plant's next state (1, 17), once all have asked for theirs, of equal duration."""
         me = threading.get_ident()
         with self._changed:

@@ -31,7 +31,9 @@ class RotorPy:
     """RotorPy's."""
     lag: float
 
-    def steps(self, truths: Sequence["RotorPy"], state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
+    def steps(
+        self, truths: Sequence["RotorPy"], state: FloatArray, command: FloatArray, duration_s: float
+    ) -> FloatArray:
         """As `other_physics.Physics`."""
         fleet = blind_flight.Fleet.of([{**truth.parameters, "tau_m": truth.lag} for truth in truths])
         theirs = state.T.copy()

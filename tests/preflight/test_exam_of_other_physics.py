@@ -94,9 +94,17 @@ def flights(model: Vehicle, path: Trajectory, count: int, of: str = OWN) -> list
     """Many in the exam's wind, the truth of each with a lag that the model holds for as likely: no log told it."""
     together = Together(count)
     return together.fly(
-        functools.partial(flown, model, path, WIND_M_S, GUST_M_S, 100 + i, lag_s=float(lag_s), together=together,
+        functools.partial(
+            flown,
+            model,
+            path,
+            WIND_M_S,
+            GUST_M_S,
+            100 + i,
+            lag_s=float(lag_s),
+            together=together,
             of=of,
-        )  # fmt: skip
+        )
         for i, lag_s in enumerate(lags_s(model, count))
     )
 

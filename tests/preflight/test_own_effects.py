@@ -53,12 +53,20 @@ def test_a_law_in_python_flies_as_the_same_law_compiled(drone, own):
     assert np.abs(without.position_world_m[on] - called.position_world_m[on]).max() > 1e-3
 
 
-def test_its_parameters_are_drawn_too(own):
-    spread = own.with_value("own_drag.level", own.value("own_drag.level"), std=0.9 * own.value("own_drag.level"))
-    wind = replace(EXACT, wind_m_s=6.0, wind_direction=(1.0, 0.0, 0.0))
-    known, drawn = (flown(each, own, wind, 3) for each in (own, spread))
-    ends = [each.position_world_m[:, 500] for each in (known, drawn)]
-    assert np.ptp(ends[1], axis=0).max() > 2.0 * np.ptp(ends[0], axis=0).max()
+def test_its_parameters_are_drawn_too_and_each_flight_has_its_own(own):
+    spread = draws.flown_form(own.with_value("own_drag.level", 0.01, std=0.005))
+    loop = core.Loop(spread, SHORT, parameters_of(own), clearance_m=1.0)
+    drawn = draws.draw(spread, loop.names, replace(EXACT, wind_m_s=6.0, noise_ratio=0.0), 2, seed=3)
+    level = drawn.values[:, loop.names.index("own_drag.level")]
+    assert level[0] != level[1]
+    values, rows = drawn.values[[0, 0]], drawn.rows[[0, 0]]
+    same = loop.fly(values, rows, seed=3, numbers=np.zeros(2, int))
+    assert np.array_equal(same.position_world_m[0], same.position_world_m[1], equal_nan=True)
+    values[1] = drawn.values[0]
+    values[1, loop.names.index("own_drag.level")] = 3.0 * level[0]
+    other = loop.fly(values, rows, seed=3, numbers=np.zeros(2, int))
+    assert np.array_equal(other.position_world_m[0], same.position_world_m[0], equal_nan=True)
+    assert np.nanmax(np.abs(other.position_world_m[1] - same.position_world_m[1])) > 1e-3
 
 
 def test_a_preflight_says_what_makes_it_slow(own):
