@@ -209,15 +209,19 @@ class Loop:
             summary[:, 6], summary[:, 7], steps, summary[:, 9],
         )  # fmt: skip
 
-    def _fly_one_by_one(self, rows: tuple[Any, ...], seeds: NDArray[np.uint64], kept: tuple[Any, ...]) -> None:
+    def _fly_one_by_one(
+        self, rows: tuple[Any, Any, Any, Any], seeds: NDArray[np.uint64], kept: tuple[Any, Any, Any, Any, Any]
+    ) -> None:
         """With effects in Python, which read one flight's values at a time."""
-        values, *others = rows
-        width = self._flights.width
+        values, width = rows[0], self._flights.width
         compiled = np.ascontiguousarray(values[:, :width])
         for i in range(len(values)):
-            one = slice(i, i + 1)
             self._kernel.set_own(values[i, width:])
-            self._flights.fly(compiled[one], *(part[one] for part in others), seeds, 1, *(part[one] for part in kept))
+            draws, numbers, weights = (part[i : i + 1] for part in rows[1:])
+            positions, errors, path_s, states, summary = (part[i : i + 1] for part in kept)
+            self._flights.fly(
+                compiled[i : i + 1], draws, numbers, weights, seeds, 1, positions, errors, path_s, states, summary
+            )
 
 
 def _kernel(vehicle: Vehicle) -> native.Stepped:

@@ -7,8 +7,9 @@ truth's 400 Hz: at 500 Hz the tube would be a tenth slimmer in places, and hold 
 """
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ import sysid
 import vehicle
 from firmware_bridge import Sensors, closed_loop
 from firmware_bridge.controller import parameters_of
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Trajectory, rotations
 from goshawk.paper import curves
 from preflight import core
 from tests.preflight import rotorpy_physics, test_exam
@@ -27,7 +28,7 @@ from tests.preflight.other_physics import OtherPlant, Together, VonKarman, unlik
 from tests.preflight.rotorpy_physics import RotorPy
 from tests.preflight.test_exam import AIR, CURVE, GUST_M_S, AlongTheWay
 from tests.sysid import flying
-from vehicle import Vehicle
+from vehicle import Vehicle, simulate
 
 WIND_M_S = 2.0
 QUANTILES = (0.05, 0.1, 0.3)
@@ -224,3 +225,35 @@ def test_a_truth_of_other_physics_is_found_and_flies_as_was_predicted():
     assert ninety_nine > 0.97
     for expected, seen in contacts:
         assert test_exam.agree(expected, round(100 * seen), 100)
+
+
+def as_told(drone: Vehicle, parameters: Mapping[str, Any]) -> Vehicle:
+    """A drawing with the truth's own values."""
+    drone = drone.with_value("thrust_quadratic.k_n_s2", parameters["k_eta"])
+    drone = drone.with_value("rotor_drag_speed.drag_kg", parameters["k_d"])
+    for axis in ("xx", "yy", "zz"):
+        drone = drone.with_value(f"inertia_{axis}_kg_m2", parameters[f"I{axis}"])
+    return drone
+
+
+@pytest.mark.parametrize("of", [name for name in SUBJECTS if name != OWN])
+def test_a_truth_of_rotorpy_moves_as_our_model_with_its_values(of):
+    truth = SUBJECTS[of].truth()
+    assert isinstance(truth, RotorPy)
+    drone = as_told(SUBJECTS[of].drawing(), truth.parameters)
+    drag = "parasitic_drag_speed.drag_{}_kg_m"
+    for axis in "xyz" if "parasitic_drag_speed" in drone.effects else "":
+        drone = drone.with_value(drag.format(axis), truth.parameters[f"c_D{axis}"])
+    rng, hover = np.random.default_rng(2), vehicle.invert.hover(drone)
+    q = rotations.normalise(np.array([1.0, 0.2, -0.1, 0.3]))
+    state = np.concatenate([[0.0, 0.0, 5.0], rng.normal(0.0, 2.0, 3), q, rng.normal(0.0, 1.0, 3), hover])
+    command = hover * [1.05, 0.97, 1.01, 0.96]
+    found = truth.steps([truth], state[None], command[None], 0.0025)[0]
+    plant = simulate.Plant(
+        drone, simulate.State(state[:3], state[3:6], q, state[10:13], state[13:]), step_s=0.0025
+    )  # fmt: skip
+    plant.step(command, 0.0025)
+    assert found[3:6] == pytest.approx(plant.velocity_world_m_s, abs=1e-5)
+    assert found[6:10] == pytest.approx(plant.q_world_body, abs=1e-6)
+    assert found[10:13] == pytest.approx(plant.rate_body_rad_s, abs=1e-4)
+    assert found[13:] == pytest.approx(plant.rotor_speed_rad_s, rel=1e-4)
