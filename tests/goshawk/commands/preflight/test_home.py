@@ -80,7 +80,7 @@ def test_it_is_flown_with_no_more_room_stated_than_all_of_it_has(subject, monkey
     ("usable_j", "last_s", "said"),
     [
         (40.0, None, "none: it brings home from every moment looked at, and to the end"),
-        (25.0, 2.5, "2.5 s: later it brings nobody home, nor to the end"),
+        (22.0, 2.2, "2.2 s: later it brings nobody home, nor to the end"),
         (5.0, 1.0, "before 1.0 s: it is too small for any way home that was looked at"),
     ],
 )
