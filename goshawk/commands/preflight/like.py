@@ -18,7 +18,8 @@ from sysid.logs.reading import DRAFTED, read_log
 from vehicle import Vehicle
 
 _NO_FLIGHT = preflight.Uncertainty()
-NO_WIND = "no wind, give --wind"
+UNTOLD = {"wind_m_s": "no wind, give --wind", "gust_std_m_s": "no gusts"}
+"""In words, that an observer does not tell one of `AIR`; without a wind there are no gusts either."""
 _TOLD_M_S = 0.5
 """Standard error of a wind up to which a flight tells it."""
 _NAMED = 3
@@ -156,8 +157,8 @@ def _sentence(found: Conditions, flights: str, told: Sequence[str], blown: _Blow
     if _noise(found):
         assumed = f" ({' and '.join(missing)} assumed)" if missing else ""
         parts.append(f"noise up to {noise_words(replace(Sensors.typical(), **_noise(found)))}{assumed}")
-    without = "" if "wind_m_s" in blown.told or "wind_m_s" not in air else f"; {NO_WIND}"
-    return f"from {flights}: {', '.join(parts) or 'neither gaps nor noise'}{without}"
+    untold = [said for name, said in UNTOLD.items() if name in air and name not in blown.told]
+    return "; ".join([f"from {flights}: {', '.join(parts) or 'neither gaps nor noise'}", *untold[:1]])
 
 
 def noise_words(sensors: Sensors) -> str:

@@ -32,6 +32,8 @@ TURNED_M_S = 0.3
 """Where headings differ enough that wind is known to this beside a force fixed in the body, that is fitted too."""
 LEAST_DRAG = 0.002
 """Of the weight, for each m/s of wind: a model with less of it turns no force into wind."""
+LEAST_DRAG_OF_GUSTS = 0.01
+"""The same for gusts: what is left holds all errors of the model too, which little drag makes storms of."""
 SIGMA90 = 1.645
 SIGMAS = 3.0
 SEEN_WEIGHT, SEEN_WIND_M_S, SEEN_OFFSET_M = 0.02, 0.3, 0.001
@@ -74,7 +76,7 @@ class Steady:
     """Whether the heading changed so much that a tilted thrust axis was fitted too."""
     gust_m_s: float | None = None
     """Root mean square of the air's level velocity about its mean, each axis, if all that is left is the air's: an
-    upper estimate. None where the model has no drag to tell it by."""
+    upper estimate. None where the model has too little drag to tell it by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +139,7 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
     weight_n = rigid_body(model).mass_kg * model.gravity_m_s2
     drag_n_s_m = _drag_per_m_s(motion, model, away)
     drags = drag_n_s_m > LEAST_DRAG * weight_n
+    told = drag_n_s_m > LEAST_DRAG_OF_GUSTS * weight_n
     shown = drags and _as_good(wind, force)
     best = wind if shown else force
     gusts_n = each(best.at, shown and turned, not shown)
@@ -148,7 +151,7 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
         level_m_s=float(np.sqrt((motion.velocity_world_m_s[:, :2] ** 2).sum(axis=1).mean())),
         offset_m=_offsets(motion, flown),
         turned=turned,
-        gust_m_s=_level_n(motion, gusts_n) / drag_n_s_m if drags else None,
+        gust_m_s=_level_n(motion, gusts_n) / (drag_n_s_m + max(float(best.at[3]), 0.0)) if told else None,
     )
 
 
