@@ -257,3 +257,14 @@ def test_a_truth_of_rotorpy_moves_as_our_model_with_its_values(of):
     assert found[6:10] == pytest.approx(plant.q_world_body, abs=1e-6)
     assert found[10:13] == pytest.approx(plant.rate_body_rad_s, abs=1e-4)
     assert found[13:] == pytest.approx(plant.rotor_speed_rad_s, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("of", [name for name in SUBJECTS if name != OWN])
+def test_other_vehicles_by_rotorpy_fly_as_was_predicted(of):
+    (fifty, ninety, ninety_nine), contacts = beside(60, 600, of)
+    assert 0.44 < fifty < 0.56
+    assert 0.85 <= ninety <= 0.95
+    assert ninety_nine > 0.97
+    for expected, seen in contacts:
+        assert test_exam.agree(expected, round(60 * seen), 60)
