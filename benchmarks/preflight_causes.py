@@ -20,7 +20,7 @@ import report
 
 import preflight
 from flight import FloatArray, Trajectory
-from preflight.draws import Uncertainty
+from preflight.draws import LOCALIZATION_STD_M, Uncertainty
 from preflight.result import Result, spread
 from tests.preflight import conftest
 from vehicle import Vehicle
@@ -39,7 +39,7 @@ MODEL = {
     "parasitic_drag.drag_xy_kg_m": 0.1, "centre_of_mass.x_m": 0.4, "centre_of_mass.y_m": 3.0,
 }  # fmt: skip
 """Relative standard deviations of a well identified model; a centre of mass is known to half a millimetre."""
-WORLD = Uncertainty(wind_m_s=0.5, gust_std_m_s=0.2, pose_delay_std_s=0.003)
+WORLD = Uncertainty(wind_m_s=0.5, gust_std_m_s=0.2, pose_delay_std_s=0.003, localization_std_m=LOCALIZATION_STD_M)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,3 +1,5 @@
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,6 +11,7 @@ class Flights:
     def __init__(
         self,
         effects: list[str],
+        own: list[tuple[Callable[[], None], NDArray[np.float64]]],
         hubs: NDArray[np.float64],
         spin: NDArray[np.float64],
         parameters: NDArray[np.float32],

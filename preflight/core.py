@@ -6,6 +6,7 @@ The same seed and flight number give the same bits, whatever the number of threa
 import os
 from collections.abc import Collection
 from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,17 +127,12 @@ class Loop:
             floor_m, ceiling_m: heights, for the effects of the model that depend on them.
 
         Raises:
-            InputError: the vehicle has effects of the user's own, or the rate is out of range.
+            InputError: effects of the user's own act on mass or motors, or the rate is out of range.
             RefusedError: the controller refuses its parameters or the trajectory.
         """
-        kernel = native.compiled(vehicle)
-        if kernel is None:
-            raise InputError(
-                f"{vehicle.name} has an effect from a file of your own, which cannot be flown in numbers; leave it out "
-                "with `goshawk vehicle effect`, or fly it with `goshawk sitl`"
-            )
+        kernel = _kernel(vehicle)
         require_rate(rate_hz)
-        self.names = kernel.names
+        self._kernel, self.names = kernel, (*kernel.names, *kernel.own_names)
         self.trajectory = trajectory
         self._tick_us = round(1e6 / rate_hz)
         self._every = max(round(SAMPLE_S * rate_hz), 1)
@@ -151,9 +147,8 @@ class Loop:
         ]  # fmt: skip
         plan = wire.plan_from_trajectory(trajectory, clearance_m=clearance_m)
         self._flights = _preflight.Flights(
-            [name for name in vehicle.effects if name not in sensed(vehicle)], vehicle.hub_body_m, vehicle.spin,
-            vector(configuration.parameters), plan.durations_us, plan.coefficients, plan.clearance_m,
-            np.array(common, dtype=np.float64),
+            kernel.marked, kernel.own, vehicle.hub_body_m, vehicle.spin, vector(configuration.parameters),
+            plan.durations_us, plan.coefficients, plan.clearance_m, np.array(common, dtype=np.float64),
         )  # fmt: skip
         reason, segment = self._flights.refused()
         if reason:
@@ -201,16 +196,47 @@ class Loop:
         errors, path_s = np.full((m, n), np.nan, np.float32), np.full((m, n), np.nan, np.float32)
         states, summary = np.full((m, n), NONE, np.uint8), np.zeros((m, _preflight.SUMMARY))
         threads = (os.cpu_count() or 1) if threads is None else threads
-        self._flights.fly(
-            values, draws, np.ascontiguousarray(luck.numbers), np.ascontiguousarray(luck.weights), seeds, threads,
-            positions, errors, path_s, states, summary,
-        )  # fmt: skip
+        rows = (values, draws, np.ascontiguousarray(luck.numbers), np.ascontiguousarray(luck.weights))
+        kept = (positions, errors, path_s, states, summary)
+        if self._kernel.own:
+            self._fly_one_by_one(rows, seeds, kept)
+        else:
+            self._flights.fly(*rows, seeds, threads, *kept)
         ending, state, reason = (summary[:, i].astype(np.int64) for i in range(3))
         steps = round(float(summary[:, 8].sum()) * 1e6 / self._tick_us)
         return Flown(
             positions, errors, path_s, states, ending, state, reason, summary[:, 3], summary[:, 4], summary[:, 5] > 0.0,
             summary[:, 6], summary[:, 7], steps, summary[:, 9],
         )  # fmt: skip
+
+    def _fly_one_by_one(
+        self, rows: tuple[Any, Any, Any, Any], seeds: NDArray[np.uint64], kept: tuple[Any, Any, Any, Any, Any]
+    ) -> None:
+        """With effects in Python, which read one flight's values at a time."""
+        values, width = rows[0], self._flights.width
+        compiled = np.ascontiguousarray(values[:, :width])
+        for i in range(len(values)):
+            self._kernel.set_own(values[i, width:])
+            draws, numbers, weights = (part[i : i + 1] for part in rows[1:])
+            positions, errors, path_s, states, summary = (part[i : i + 1] for part in kept)
+            self._flights.fly(
+                compiled[i : i + 1], draws, numbers, weights, seeds, 1, positions, errors, path_s, states, summary
+            )
+
+
+def _kernel(vehicle: Vehicle) -> native.Stepped:
+    """What the flights' kernel is made of.
+
+    Raises:
+        InputError: effects of the user's own act where the kernel does not call them, or the rotors are tilted.
+    """
+    kernel = native.stepped(vehicle)
+    if kernel is not None:
+        return kernel
+    names = ", ".join(native.without_callback(vehicle))
+    what = f"effects of your own on mass or motors ({names})" if names else "tilted rotors"
+    out = "leave them out with `goshawk vehicle effect`, or fly" if names else "fly"
+    raise InputError(f"{vehicle.name} has {what}, which a preflight cannot fly; {out} it with `goshawk sitl`")
 
 
 def require_rate(rate_hz: int) -> None:

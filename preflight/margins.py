@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from flight import FloatArray
 from preflight import core, statistics, study
+from preflight.hidden import left_of
 from preflight.record import Record
 from preflight.result import LEAST_FINISHED, Result
 from preflight.scenario import Scenario
@@ -61,7 +62,7 @@ def needed(scenario: Scenario, result: Result, options: Options) -> tuple[Needed
     if result.go:
         return ()
     if result.rare is None:
-        record, spare = result.record, allowed(result.flights, result.risk)
+        record, spare = result.record, allowed(result.flights, left_of(result.risk, result.hidden))
         given_up = _given_up(record)
         cured, extra_m = _tried(scenario, options, record, given_up & _matters(result))
     else:

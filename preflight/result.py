@@ -9,6 +9,7 @@ import numpy as np
 from firmware_bridge import _controller
 from flight import FloatArray, Trajectory
 from preflight import core, remedies, statistics
+from preflight.hidden import Hidden, left_of, together
 from preflight.rare import MOST_FLIGHTS, Rare
 from preflight.record import BINS, Record
 from preflight.statistics import LEAST_SHARE, QUANTILES, Probability
@@ -67,6 +68,8 @@ class Result:
     """What was found beyond these flights by levels of ever nearer ones; None where they were counted."""
     unexplained: bool = False
     """Whether Ctrl-C ended it before it was told what decides."""
+    hidden: Hidden | None = None
+    """What the map may have missed in the plan's way, which no flight meets; None: not known."""
 
     @property
     def flights(self) -> int:
@@ -79,7 +82,7 @@ class Result:
 
     @property
     def lost(self) -> Probability:
-        """The risk: to touch, to leave the map, to fall, or to come down without a position."""
+        """Of the flights: to touch, to leave the map, to fall, or to come down without a position."""
         return Probability.of(self.record.lost) if self.rare is None else self.rare.risk
 
     @property
@@ -96,8 +99,13 @@ class Result:
         return float(np.mean(self.record.ending == core.FINISHED))
 
     @property
+    def upper(self) -> float:
+        """Bound of the risk: of being lost, or meeting what the map has missed."""
+        return together(self.lost.upper, self.hidden)
+
+    @property
     def go(self) -> bool:
-        return self.lost.upper <= self.risk and self.finished >= LEAST_FINISHED
+        return self.upper <= self.risk and self.finished >= LEAST_FINISHED
 
     @property
     def dominating(self) -> tuple[str, float] | None:
@@ -151,30 +159,45 @@ class Result:
     def reason(self) -> str:
         """Why it is a go or not, in a sentence."""
         if self.go:
-            return f"the risk is at most {self.lost.upper:.1e}, and {self.risk:g} is accepted"
+            return f"the risk is at most {self.upper:.1e}{self._of_hidden()}, and {self.risk:g} is accepted"
         if self.finished < LEAST_FINISHED:
             return f"only {100 * self.finished:.0f} % of the flights come to the end"
+        if self.hides and self.hidden is not None:
+            return f"a thing hidden in the map is met by {self.hidden.probability:.1e}; {self.risk:g} is accepted"
         if self.rare is not None:
             return self._rare_reason(self.rare)
-        if self.lost.count / self.flights <= self.risk:
-            need = statistics.flights_for(self.risk, self.lost.count)
+        if self.lost.count / self.flights <= self._left:
+            need = statistics.flights_for(self._left, self.lost.count)
             again = " with another --seed" if self.lost.count else ""  # a second look at the same flights proves less
-            return f"{self.lost}, which does not show a risk below {self.risk:g}: fly at least {need}{again}"
+            return f"{self.lost}, which does not show a risk below {self._left:.3g}: fly at least {need}{again}"
         return f"the risk is about {self.lost.estimate:.1e}, at most {self.lost.upper:.1e}; {self.risk:g} is accepted"
+
+    @property
+    def hides(self) -> bool:
+        """Whether what the map may have missed alone forbids a go."""
+        return self.hidden is not None and self.hidden.probability > 0.0 and self._left == self.risk
+
+    @property
+    def _left(self) -> float:
+        return left_of(self.risk, self.hidden)
+
+    def _of_hidden(self) -> str:
+        chance = 0.0 if self.hidden is None else self.hidden.probability
+        return f" ({chance:.1e} of it hidden things)" if chance else ""
 
     def _rare_reason(self, rare: Rare) -> str:
         more = f"; {self.risk:g} is accepted"
         if not rare.risk.reached:
             again = "" if self.cut_off else self._more_by_levels()
             return f"after {rare.risk.levels} levels the risk is at most {rare.risk.upper:.1e}{more}{again}"
-        if rare.risk.estimate <= self.risk:
-            more = f", which does not show {self.risk:g}{self._more_by_levels()}"
+        if rare.risk.estimate <= self._left:
+            more = f", which does not show {self._left:.3g}{self._more_by_levels()}"
         return f"the risk is {rare.risk}{more}"
 
     def _more_by_levels(self) -> str:
         """What would show more: larger levels, or where there are none, counting."""
         more = 2 * self.flights
-        by = f"--rare --flights {more}" if more <= MOST_FLIGHTS else f"--flights {statistics.flights_for(self.risk)}"
+        by = f"--rare --flights {more}" if more <= MOST_FLIGHTS else f"--flights {statistics.flights_for(self._left)}"
         return f": fly {by} with another --seed"
 
     def _risk(self) -> dict[str, Any]:
@@ -195,6 +218,8 @@ class Result:
             "flights": self.flights,
             "flights_wanted": self.wanted,
             "risk": self._risk(),
+            "hidden": None if self.hidden is None else self.hidden.as_dict(),
+            "risk_with_hidden": {"estimate": together(self.lost.estimate, self.hidden), "upper95": self.upper},
             "touched": self.touched.as_dict(),
             "left_map": self.left_map.as_dict(),
             "finished": self.finished,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from preflight import margins, study
+from preflight.hidden import left_of
 from preflight.result import Result
 from preflight.scenario import Scenario
 from preflight.study import Options
@@ -43,7 +44,7 @@ def needed(scenario: Scenario, result: Result, options: Options) -> tuple[Slower
     """
     if result.go or result.rare is not None:
         return ()
-    record, most = result.record, margins.allowed(result.flights, result.risk)
+    record, most = result.record, margins.allowed(result.flights, left_of(result.risk, result.hidden))
     lost = np.flatnonzero(record.upset | record.left_map)
     if lost.size <= most:
         return ()

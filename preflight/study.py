@@ -11,16 +11,17 @@ from numpy.typing import ArrayLike
 from firmware_bridge import controller
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FloatArray, InputError, Progress, silent
-from preflight import clearance, draws, rare, remedies, statistics, subset
+from preflight import clearance, draws, hidden, rare, remedies, statistics, subset
 from preflight.advice import Advice, advise
 from preflight.core import DROP_OUTS, FINISHED, GUSTS, NOISE, RATE_HZ, WITHIN, Air, Flown, Loop, require_rate
 from preflight.draws import Drawn, Uncertainty
+from preflight.hidden import Hidden
 from preflight.luck import Luck
 from preflight.rare import Rare
 from preflight.record import BINS, Record
 from preflight.result import LEAST_FINISHED, Removed, Result, spread
 from preflight.scenario import Scenario
-from vehicle import Vehicle
+from vehicle import Vehicle, native
 
 _BATCH = 64
 """Flights of a call for each processor: what is kept of them meanwhile takes 0.2 MB each."""
@@ -56,6 +57,8 @@ class Options:
     """None: as many as there are processors. The result does not depend on it."""
     explain: bool = True
     """If a flight was lost, fly all again without the dominating uncertainty."""
+    hidden: Hidden | None = None
+    """What the map may have missed in the plan's way; None: not known, and not counted."""
     decide_only: bool = False
     """Stop as soon as so many are lost that it can be no go."""
     rare: bool | None = None
@@ -92,9 +95,14 @@ class Options:
         )
 
     @property
+    def left(self) -> float:
+        """Of the risk, what the flights are to show."""
+        return hidden.left_of(self.risk, self.hidden)
+
+    @property
     def by_levels(self) -> bool:
         if self.rare is None:
-            return self.flights is None and statistics.flights_for(self.risk) > MOST_COUNTED
+            return self.flights is None and statistics.flights_for(self.left) > MOST_COUNTED
         return self.rare
 
     @property
@@ -102,7 +110,7 @@ class Options:
         """Flights that are drawn independently."""
         if self.by_levels:
             return subset.GROUPS * -(-(self.flights or rare.FLIGHTS) // subset.GROUPS)
-        return statistics.flights_for(self.risk) if self.flights is None else self.flights
+        return statistics.flights_for(self.left) if self.flights is None else self.flights
 
 
 def fly(scenario: Scenario, options: Options | None = None, *, progress: Progress = silent) -> Result:
@@ -120,9 +128,13 @@ def fly(scenario: Scenario, options: Options | None = None, *, progress: Progres
     record, drawn, steps = study.flown(options.uncertainty, vehicle, "flights", progress)
     found, further = study.rarer(options.uncertainty, vehicle, record, drawn, progress)
     steps += further
-    assumed = drawn.assumed + options.assumed + study.free_air() + (() if found is None else (rare.assumed(record),))
+    said = (*drawn.assumed, *options.assumed, *study.in_python(), *study.free_air())
+    assumed = said if found is None else (*said, rare.assumed(record))
     if options.decide_only:
-        return Result(record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found)
+        return Result(
+            record, trajectory, options.count, options.risk, {}, {}, assumed, steps=steps, rare=found,
+            hidden=options.hidden,
+        )  # fmt: skip
     interrupted = found is not None and found.cut_off
     told = None if interrupted else study.shares(record, drawn)
     shares, loss_shares, again = told or ({}, {}, 0)
@@ -130,7 +142,7 @@ def fly(scenario: Scenario, options: Options | None = None, *, progress: Progres
         loss_shares = found.with_luck(shares, loss_shares)
     result = Result(
         record, trajectory, options.count, options.risk, shares, loss_shares, assumed, steps=steps + again,
-        rare=found, unexplained=told is None,
+        rare=found, unexplained=told is None, hidden=options.hidden,
     )  # fmt: skip
     first = result.dominating
     if first is None or not options.explain or result.cut_off or result.lost.count == 0:
@@ -214,7 +226,7 @@ def advised(scenario: Scenario, result: Result, options: Options, *, progress: P
 
 def _is_lost(record: Record, options: Options) -> bool:
     """Whether so many flights are lost that the rest cannot make it a go."""
-    return statistics.upper_bound(int(record.lost.sum()), options.count) > options.risk
+    return statistics.upper_bound(int(record.lost.sum()), options.count) > options.left
 
 
 @dataclass(frozen=True)
@@ -260,6 +272,11 @@ class _Study:
         if self.scenario.field is None or not any(name in self.scenario.vehicle.effects for name in _NEAR_SURFACES):
             return -np.inf, np.inf
         return clearance.below_and_above(self.scenario.field, self._path_world_m)
+
+    def in_python(self) -> tuple[str, ...]:
+        """A sentence on effects of the user's own."""
+        own = ", ".join(native.own_effects(self.scenario.vehicle))
+        return (f"effects of your own ({own}) are called flight by flight: much slower",) if own else ()
 
     def free_air(self) -> tuple[str, ...]:
         """A sentence for each effect of the model that finds no surface to act on."""
@@ -314,7 +331,7 @@ class _Study:
                 steps += taken
             return Record.joined(parts)
 
-        found = rare.find(record, drawn, fly, seed=self.options.seed, enough=self.options.risk, progress=progress)
+        found = rare.find(record, drawn, fly, seed=self.options.seed, enough=self.options.left, progress=progress)
         return found, steps
 
     @property

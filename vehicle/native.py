@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from types import SimpleNamespace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -60,21 +61,65 @@ def for_stepping(vehicle: Vehicle) -> Compiled | None:
 
     None when one of them acts on mass or motors, for which the kernel has no callback, or rotors are tilted.
     """
-    if not _has_kernel(vehicle):
+    parts = stepped(vehicle)
+    if parts is None:
         return None
-    own = [name for name in vehicle.effects if name not in _KNOWN and registry.find(name).stage != Stage.SENSOR]
-    if any(registry.find(name).stage not in _FLOW_STAGES for name in own):
+    model = _vehicle.Model(parts.marked, vehicle.hub_body_m, vehicle.spin[None], parts.own)
+    return Compiled(model, np.array([[vehicle.parameters[name].value for name in parts.names]]), parts.names)
+
+
+@dataclass(frozen=True, slots=True)
+class Stepped:
+    """What a kernel of a vehicle's effects is made of, where some are the user's own."""
+
+    marked: list[str]
+    """Names of the effects; an empty one for each of the user's own."""
+    own: list[tuple[Callable[[], None], FloatArray]]
+    """Of each of the user's own, a function, and the block of numbers that it works on."""
+    names: tuple[str, ...]
+    """Of the parameters that are the kernel's columns."""
+    own_names: tuple[str, ...]
+    """Of those of the user's own effects, in the order of `set_own`."""
+    values: list[SimpleNamespace]
+    """What the functions read."""
+
+    def set_own(self, row: FloatArray) -> None:
+        """Take other values for the user's own effects."""
+        at = 0
+        for one in self.values:
+            for name in vars(one):
+                setattr(one, name, float(row[at]))
+                at += 1
+
+
+def stepped(vehicle: Vehicle) -> Stepped | None:
+    """The parts of `for_stepping`; None where that is None."""
+    if not _has_kernel(vehicle) or without_callback(vehicle):
         return None
     active = [name for name in vehicle.effects if registry.find(name).stage != Stage.SENSOR]
-    compiled_only = [name for name in active if name not in own]
-    names = (*BODY_NAMES, *(f"{e}.{s.name}" for e in compiled_only for s in registry.find(e).parameters))
-    mirrors = [_mirrored(vehicle, name) for name in own]
-    marked = ["" if name in own else name for name in active]
-    model = _vehicle.Model(marked, vehicle.hub_body_m, vehicle.spin[None], mirrors)
-    return Compiled(model, np.array([[vehicle.parameters[name].value for name in names]]), names)
+    own = own_effects(vehicle)
+    columns = [f"{e}.{s.name}" for e in active if e not in own for s in registry.find(e).parameters]
+    values = [vehicle.values(name) for name in own]
+    return Stepped(
+        ["" if name in own else name for name in active],
+        [_mirrored(vehicle, name, its) for name, its in zip(own, values, strict=True)],
+        (*BODY_NAMES, *columns),
+        tuple(f"{name}.{its}" for name, one in zip(own, values, strict=True) for its in vars(one)),
+        values,
+    )
 
 
-def _mirrored(vehicle: Vehicle, name: str) -> tuple[Callable[[], None], FloatArray]:
+def own_effects(vehicle: Vehicle) -> list[str]:
+    """Names of those that move the vehicle and have no compiled form."""
+    return [name for name in vehicle.effects if name not in _KNOWN and registry.find(name).stage != Stage.SENSOR]
+
+
+def without_callback(vehicle: Vehicle) -> list[str]:
+    """Names of the user's own effects that act on mass or motors, for which the kernel has no callback."""
+    return [name for name in own_effects(vehicle) if registry.find(name).stage not in _FLOW_STAGES]
+
+
+def _mirrored(vehicle: Vehicle, name: str, values: SimpleNamespace) -> tuple[Callable[[], None], FloatArray]:
     """A function that runs an effect on a flow whose arrays all lie in one block of numbers, and that block.
 
     The block is the kernel's Flow<double> (vehicle/src/state.hpp).
@@ -101,7 +146,7 @@ def _mirrored(vehicle: Vehicle, name: str) -> tuple[Callable[[], None], FloatArr
         "force_n": block[54:57, None],
         "torque_n_m": block[57:60, None],
     }
-    effect, values = registry.find(name), vehicle.values(name)
+    effect = registry.find(name)
 
     def run() -> None:
         for attribute, place in results.items():

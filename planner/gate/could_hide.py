@@ -50,17 +50,24 @@ def add(
     """
     if thinnest_m is not None:
         require_thickness(thinnest_m)
-    found = None
-    if free is not None:
-        times = equally_spaced(trajectory)
-        path = trajectory.position(times)
-        off = ~_above_ground(path, report.conditions.ground_world_m, report.required_clearance_m)
-        off = off if off.any() else ~off  # a hop that stays so low is asked all along
-        found = free.along(times[off], path[off], report.required_clearance_m)
+    required_m = report.required_clearance_m
+    found = None if free is None else near(trajectory, free, report.conditions.ground_world_m, required_m, required_m)
     report = replace(report, could_hide=found, thinnest_m=thinnest_m)
     if thinnest_m is None:
         return report
     return replace(report, checks=(*report.checks, _check(found, thinnest_m)))
+
+
+def near(
+    trajectory: Trajectory, free: FreeSpace, ground_world_m: FloatArray | None, required_m: float, reach_m: float
+) -> CouldHide:
+    """How thin an obstacle could hide within reach of the trajectory, but for where the gate asks for less clearance
+    than `required_m` above the ground."""
+    times = equally_spaced(trajectory)
+    path = trajectory.position(times)
+    off = ~_above_ground(path, ground_world_m, required_m)
+    off = off if off.any() else ~off  # a hop that stays so low is asked all along
+    return free.along(times[off], path[off], reach_m)
 
 
 def asked_of(item: TrajectoryFile) -> float | None:

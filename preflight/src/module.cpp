@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "flight.hpp"
+#include "own_effect.hpp"
 #include "segment.h"
 
 namespace nb = nanobind;
@@ -39,10 +40,12 @@ std::uint32_t crc_of(const tc_trajectory_header& header, const std::vector<tc_se
 // All flights of one trajectory with one controller.
 class Flights {
   public:
-    // `common`: see preflight/core.py. Durations and coefficients fit into the store.
-    Flights(const std::vector<std::string>& effects, In<double, 2> hubs, In<double, 1> spin, In<float, 1> parameters,
-            In<std::uint32_t, 1> durations_us, In<float, 3> coefficients, float clearance_m, In<double, 1> common)
-        : model_(effects, hubs.data(), spin.data(), {}), setup_(std::make_unique<Setup>()) {
+    // `common`: see preflight/core.py. Durations and coefficients fit into the store. Of the effects, an empty name is
+    // the next of `own`, with which `fly` takes one thread.
+    Flights(const std::vector<std::string>& effects, const OwnEffects& own, In<double, 2> hubs, In<double, 1> spin,
+            In<float, 1> parameters, In<std::uint32_t, 1> durations_us, In<float, 3> coefficients, float clearance_m,
+            In<double, 1> common)
+        : model_(effects, hubs.data(), spin.data(), own_effects(own)), setup_(std::make_unique<Setup>()) {
         if (common.shape(0) != kCommon) throw std::invalid_argument("the common row has another length");
         fill(common.data());
         tc_init(&setup_->controller);
@@ -160,8 +163,8 @@ NB_MODULE(_preflight, m) {
     m.attr("COMMON") = kCommon;
     m.attr("SUMMARY") = kSummary;
     nb::class_<Flights>(m, "Flights")
-        .def(nb::init<const std::vector<std::string>&, In<double, 2>, In<double, 1>, In<float, 1>, In<std::uint32_t, 1>,
-                      In<float, 3>, float, In<double, 1>>())
+        .def(nb::init<const std::vector<std::string>&, const OwnEffects&, In<double, 2>, In<double, 1>, In<float, 1>,
+                      In<std::uint32_t, 1>, In<float, 3>, float, In<double, 1>>())
         .def("refused", &Flights::refused)
         .def_prop_ro("width", &Flights::width)
         .def("fly", &Flights::fly);

@@ -1,10 +1,10 @@
 """A plant of the tests' own physics (tests/sysid/flying.py), in wind: shares no line with `vehicle` or a preflight."""
 
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -39,13 +39,30 @@ class VonKarman:
         return (self.sizes * np.cos(self.waves * way_m + self.phases)).sum(axis=1) @ self.axes
 
 
+class Physics(Protocol):
+    """Other equations of motion than those of tests/sysid/flying.py, in still air."""
+
+    def steps(self, truths: Sequence[Any], state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
+        """The next states (n, 17) of as many truths of this kind: position, velocity, quaternion, rate, rotors."""
+        ...
+
+
+def stepped(truths: Sequence[Any], state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
+    """The next states (n, 17) of as many truths, alike but for their lags."""
+    first = truths[0]
+    if not isinstance(first, flying.Truth):
+        return first.steps(truths, state, command, duration_s)
+    common = replace(first, lag=np.array([[truth.lag] for truth in truths]))
+    return flying._step(common, state, command, duration_s)
+
+
 class Together:
     """Flights in lock step, each in a thread of its own: their plants move in one call, which costs little more than
     one plant's."""
 
     def __init__(self, flights: int) -> None:
         self._changed, self._left = threading.Condition(), flights
-        self._asked: dict[int, tuple[flying.Truth, FloatArray, FloatArray]] = {}
+        self._asked: dict[int, tuple[flying.Truth | Physics, FloatArray, FloatArray]] = {}
         self._moved: dict[int, FloatArray] = {}
         self._failed: BaseException | None = None
 
@@ -70,7 +87,9 @@ class Together:
                 self._left -= 1
                 self._try_to_move()
 
-    def step(self, truth: flying.Truth, state: FloatArray, command: FloatArray, duration_s: float) -> FloatArray:
+    def step(
+        self, truth: flying.Truth | Physics, state: FloatArray, command: FloatArray, duration_s: float
+    ) -> FloatArray:
         """A plant's next state (1, 17), once all have asked for theirs, of equal duration."""
         me = threading.get_ident()
         with self._changed:
@@ -96,8 +115,7 @@ class Together:
         if not self._asked or len(self._asked) < self._left or self._failed is not None:
             return
         truths, states, commands = zip(*self._asked.values(), strict=True)
-        common = replace(truths[0], lag=np.array([[truth.lag] for truth in truths]))  # the others are equal
-        after = flying._step(common, np.concatenate(states), np.stack(commands), self._duration_s)
+        after = stepped(truths, np.concatenate(states), np.stack(commands), self._duration_s)
         self._moved = {me: row[None] for me, row in zip(self._asked, after, strict=True)}
         self._asked = {}
         self._changed.notify_all()
@@ -113,7 +131,7 @@ class OtherPlant:
 
     def __init__(
         self,
-        truth: flying.Truth,
+        truth: flying.Truth | Physics,
         start_world_m: FloatArray,
         *,
         wind_m_s: FloatArray,
@@ -160,7 +178,7 @@ class OtherPlant:
 
     def _moved(self, command: FloatArray, duration_s: float) -> FloatArray:
         if self.together is None:
-            return flying._step(self.truth, self.state, command[None], duration_s)
+            return stepped([self.truth], self.state, command[None], duration_s)
         return self.together.step(self.truth, self.state, command, duration_s)
 
     def _stand(self) -> None:

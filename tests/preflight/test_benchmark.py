@@ -85,7 +85,7 @@ def test_another_world_plan_vehicle_wall_rate_or_code_has_files_of_its_own(bench
 def test_every_row_is_measured_with_few_flights_too(benchmark_script, monkeypatch, tmp_path):
     monkeypatch.setattr(benchmark_script, "of_other_physics", lambda truths: [])  # slow, and tested itself
     monkeypatch.setattr(benchmark_script, "CHUNK", 1000)
-    found = benchmark_script.rows(4, 1000, 2, 1, "", str(tmp_path))
+    found = benchmark_script.rows(4, 1000, 2, 1, "", str(tmp_path), 1, 1)
     assert {"1,000 flights of 20 s, CPU", "99 % tube holds"} <= {row.name for row in found}
     assert any("by levels, stated 95 % bound" in row.name for row in found)
     assert all(np.isfinite(row.value) for row in found)

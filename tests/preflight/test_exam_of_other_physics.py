@@ -7,7 +7,9 @@ truth's 400 Hz: at 500 Hz the tube would be a tenth slimmer in places, and hold 
 """
 
 import functools
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,28 +20,67 @@ import sysid
 import vehicle
 from firmware_bridge import Sensors, closed_loop
 from firmware_bridge.controller import parameters_of
-from flight import FloatArray, Trajectory
+from flight import FloatArray, Trajectory, rotations
 from goshawk.paper import curves
 from preflight import core
-from tests.preflight import test_exam
+from tests.preflight import rotorpy_physics, test_exam
 from tests.preflight.other_physics import OtherPlant, Together, VonKarman, unlike_the_drawing
+from tests.preflight.rotorpy_physics import RotorPy
 from tests.preflight.test_exam import AIR, CURVE, GUST_M_S, AlongTheWay
-from vehicle import Vehicle
+from tests.sysid import flying
+from vehicle import Vehicle, simulate
 
 WIND_M_S = 2.0
 QUANTILES = (0.05, 0.1, 0.3)
 
 
+@dataclass(frozen=True)
+class Subject:
+    """A truth, and what is believed of it before any flight."""
+
+    truth: Callable[[], flying.Truth | RotorPy]
+    drawing: Callable[[], Vehicle]
+
+
+def drawing(name: str = "rigter2019") -> Vehicle:
+    drone = vehicle.example(name)
+    for axis in "xyz":
+        drone = drone.with_value(f"pose_sensor_{axis}_m", 0.0)
+    return drone
+
+
+SUBJECTS = {
+    "the tests' own": Subject(unlike_the_drawing, drawing),
+    "RotorPy's Hummingbird": Subject(
+        lambda: RotorPy(rotorpy_physics.hummingbird(), 0.005), lambda: drawing("hummingbird")
+    ),
+    "crazyflow's cf21B_500": Subject(
+        lambda: RotorPy(rotorpy_physics.crazyflow(), rotorpy_physics.CRAZYFLOW_LAG_S), rotorpy_physics.crazyflow_drawing
+    ),
+}
+OWN = "the tests' own"
+
+
 def flown(
-    model: Vehicle, path: Trajectory, wind_m_s: float, gust_m_s: float, seed: int, *, lag_s: float = 0.03, together=None
+    model: Vehicle,
+    path: Trajectory,
+    wind_m_s: float,
+    gust_m_s: float,
+    seed: int,
+    *,
+    lag_s: float | None = None,
+    together: Together | None = None,
+    of: str = OWN,
 ) -> closed_loop.Flown:
     """The truth along a path, its controller told a model."""
+    truth = SUBJECTS[of].truth()
     rng = np.random.default_rng((606, seed))
     angle = rng.uniform(0.0, 2.0 * np.pi)
     wind = wind_m_s * np.array([np.cos(angle), np.sin(angle), 0.0])
     gusts = VonKarman(gust_m_s, core.Air().gust_length_m, wind, rng)
     start = path.position([0.0])[0] * [1.0, 1.0, 0.0]
-    plant = OtherPlant(replace(unlike_the_drawing(), lag=lag_s), start, wind_m_s=wind, gusts=gusts, together=together)
+    truth = truth if lag_s is None else replace(truth, lag=lag_s)
+    plant = OtherPlant(truth, start, wind_m_s=wind, gusts=gusts, together=together)
     return closed_loop.fly(plant, parameters_of(model), path, sensors=Sensors.typical(), seed=seed, imu=True)
 
 
@@ -50,44 +91,48 @@ def lags_s(model: Vehicle, count: int) -> FloatArray:
     return lag.value * np.exp(width * np.random.default_rng(607).standard_normal(count) - 0.5 * width**2)
 
 
-def flights(model: Vehicle, path: Trajectory, count: int) -> list[closed_loop.Flown]:
+def flights(model: Vehicle, path: Trajectory, count: int, of: str = OWN) -> list[closed_loop.Flown]:
     """Many in the exam's wind, the truth of each with a lag that the model holds for as likely: no log told it."""
     together = Together(count)
     return together.fly(
-        functools.partial(flown, model, path, WIND_M_S, GUST_M_S, 100 + i, lag_s=float(lag_s), together=together)
+        functools.partial(
+            flown,
+            model,
+            path,
+            WIND_M_S,
+            GUST_M_S,
+            100 + i,
+            lag_s=float(lag_s),
+            together=together,
+            of=of,
+        )
         for i, lag_s in enumerate(lags_s(model, count))
     )
 
 
-def drawing() -> Vehicle:
-    drone = vehicle.example()
-    for axis in "xyz":
-        drone = drone.with_value(f"pose_sensor_{axis}_m", 0.0)
-    return drone
-
-
 @functools.cache
-def identified() -> sysid.Identification:
+def identified(of: str = OWN) -> sysid.Identification:
     paths = (curves.vertical(turns=3), curves.figure_eight(turns=2), curves.general(turns=2))
-    logs = [flown(drawing(), path, 0.0, 0.3, i).log for i, path in enumerate(paths)]
-    return sysid.identify(logs, drawing())
+    believed = SUBJECTS[of].drawing()
+    logs = [flown(believed, path, 0.0, 0.3, i, of=of).log for i, path in enumerate(paths)]
+    return sysid.identify(logs, believed)
 
 
 @functools.cache
-def predicted(flights: int) -> preflight.Result:
+def predicted(flights: int, of: str = OWN) -> preflight.Result:
     options = preflight.Options(
         flights=flights, uncertainty=AIR, risk=0.4, explain=False, rate_hz=400, rotor_speed_measured=True
     )  # as the truth's controller is told
-    model = identified().vehicle
+    model = identified(of).vehicle
     return preflight.fly(preflight.Scenario(model, CURVE, AlongTheWay(0.0), radius_m=0.0, clearance_m=1.0), options)
 
 
-def beside(truths: int, ahead: int) -> tuple[list[float], list[tuple[float, float]]]:
+def beside(truths: int, ahead: int, of: str = OWN) -> tuple[list[float], list[tuple[float, float]]]:
     """Shares of true flights inside the tubes of 50, 90 and 99 %, at each time; and contacts: predicted and seen."""
-    model = identified().vehicle
-    seen = [test_exam.kept(each) for each in flights(model, CURVE, truths)]
+    model = identified(of).vehicle
+    seen = [test_exam.kept(each) for each in flights(model, CURVE, truths, of)]
     errors, sideways = (np.array(each) for each in zip(*seen, strict=True))
-    result = predicted(ahead)
+    result = predicted(ahead, of)
     near = result.record.clearance_m
     walls_m = -np.quantile(near, QUANTILES)
     contacts = [(float(np.mean(near < -wall)), float(np.mean(sideways < -wall))) for wall in walls_m]
@@ -180,3 +225,46 @@ def test_a_truth_of_other_physics_is_found_and_flies_as_was_predicted():
     assert ninety_nine > 0.97
     for expected, seen in contacts:
         assert test_exam.agree(expected, round(100 * seen), 100)
+
+
+def as_told(drone: Vehicle, parameters: Mapping[str, Any]) -> Vehicle:
+    """A drawing with the truth's own values."""
+    drone = drone.with_value("thrust_quadratic.k_n_s2", parameters["k_eta"])
+    drone = drone.with_value("rotor_drag_speed.drag_kg", parameters["k_d"])
+    for axis in ("xx", "yy", "zz"):
+        drone = drone.with_value(f"inertia_{axis}_kg_m2", parameters[f"I{axis}"])
+    return drone
+
+
+@pytest.mark.parametrize("of", [name for name in SUBJECTS if name != OWN])
+def test_a_truth_of_rotorpy_moves_as_our_model_with_its_values(of):
+    truth = SUBJECTS[of].truth()
+    assert isinstance(truth, RotorPy)
+    drone = as_told(SUBJECTS[of].drawing(), truth.parameters)
+    drag = "parasitic_drag_speed.drag_{}_kg_m"
+    for axis in "xyz" if "parasitic_drag_speed" in drone.effects else "":
+        drone = drone.with_value(drag.format(axis), truth.parameters[f"c_D{axis}"])
+    rng, hover = np.random.default_rng(2), vehicle.invert.hover(drone)
+    q = rotations.normalise(np.array([1.0, 0.2, -0.1, 0.3]))
+    state = np.concatenate([[0.0, 0.0, 5.0], rng.normal(0.0, 2.0, 3), q, rng.normal(0.0, 1.0, 3), hover])
+    command = hover * [1.05, 0.97, 1.01, 0.96]
+    found = truth.steps([truth], state[None], command[None], 0.0025)[0]
+    plant = simulate.Plant(
+        drone, simulate.State(state[:3], state[3:6], q, state[10:13], state[13:]), step_s=0.0025
+    )  # fmt: skip
+    plant.step(command, 0.0025)
+    assert found[3:6] == pytest.approx(plant.velocity_world_m_s, abs=1e-5)
+    assert found[6:10] == pytest.approx(plant.q_world_body, abs=1e-6)
+    assert found[10:13] == pytest.approx(plant.rate_body_rad_s, abs=1e-4)
+    assert found[13:] == pytest.approx(plant.rotor_speed_rad_s, rel=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("of", [name for name in SUBJECTS if name != OWN])
+def test_other_vehicles_by_rotorpy_fly_as_was_predicted(of):
+    (fifty, ninety, ninety_nine), contacts = beside(60, 600, of)
+    assert 0.44 < fifty < 0.56
+    assert 0.85 <= ninety <= 0.95
+    assert ninety_nine > 0.97
+    for expected, seen in contacts:
+        assert test_exam.agree(expected, round(60 * seen), 60)

@@ -11,13 +11,13 @@
 #include "flat.hpp"
 #include "model.hpp"
 #include "motion.hpp"
+#include "own_effect.hpp"
 
 namespace nb = nanobind;
 using namespace goshawk;
 
 using In = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using InOut = nb::ndarray<double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using Mirror = nb::ndarray<double, nb::shape<60>, nb::c_contig, nb::device::cpu>;
 using InOut3 = nb::ndarray<double, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
 namespace {
@@ -186,29 +186,14 @@ void nodes_of(const Model& model, In values, double gravity, In hover, In first,
     }
 }
 
-// An own effect is a Python function without arguments that works on `mirror`, a copy of the flow as 60 numbers in the
-// order of Flow<double>.
-OwnEffect own_effect(nb::callable function, Mirror mirror) {
-    static_assert(sizeof(Flow<double>) == 60 * sizeof(double), "vehicle/native.py knows the order of these numbers");
-    return [function, mirror](Flow<double>& flow) {
-        nb::gil_scoped_acquire acquire;
-        std::memcpy(mirror.data(), &flow, sizeof(flow));
-        function();
-        std::memcpy(static_cast<void*>(&flow), mirror.data(), sizeof(flow));
-    };
-}
-
 }  // namespace
 
 NB_MODULE(_vehicle, m) {
     m.doc() = "Compiled kernel of the vehicle model.";
     nb::class_<Model>(m, "Model")
         .def("__init__",
-             [](Model* self, const std::vector<std::string>& names, In hubs, In spins,
-                const std::vector<std::pair<nb::callable, Mirror>>& own) {
-                 std::vector<OwnEffect> effects;
-                 for (const auto& [function, mirror] : own) effects.push_back(own_effect(function, mirror));
-                 new (self) Model(names, hubs.data(), spins.data(), std::move(effects));
+             [](Model* self, const std::vector<std::string>& names, In hubs, In spins, const OwnEffects& own) {
+                 new (self) Model(names, hubs.data(), spins.data(), own_effects(own));
              })
         .def_ro("width", &Model::width)
         .def("evaluate", &evaluate)

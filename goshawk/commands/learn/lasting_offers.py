@@ -8,7 +8,7 @@ import vehicle
 from firmware_bridge import controller
 from flight import FlightLog, InputError
 from sysid.estimator.validation.lasting import Lasting, lasting
-from sysid.estimator.validation.steady import steady
+from sysid.estimator.validation.steady import Steady, steady
 from vehicle import Vehicle
 
 HASH = "vehicle_hash"
@@ -28,7 +28,7 @@ def offers(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle]) -> tuple[l
     of_model: dict[Path, dict[str, FlightLog]] = {path: {} for path in models}
     for i, log in enumerate(log for log in logs if log.has("observer_state")):
         name = str(log.metadata.get("name", f"flight {i + 1}"))
-        path = _flown_with(log, models)
+        path = flown_with(log, models)
         if path is None:
             foreign.append(name)
         else:
@@ -42,22 +42,28 @@ def offers(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle]) -> tuple[l
     return said, commands
 
 
-def _flown_with(log: FlightLog, models: Mapping[Path, Vehicle]) -> Path | None:
+def flown_with(log: FlightLog, models: Mapping[Path, Vehicle]) -> Path | None:
+    """The file of the model that a flight was flown with; the first where the log does not tell, None: another one."""
     told = str(log.metadata.get(HASH, "")).rstrip("0")  # zeros: the plan was not checked for a vehicle
     matching = [path for path, model in models.items() if vehicle.vehicle_hash(model).startswith(told)]
     return matching[0] if matching else None
 
 
 def _lasting(flights: Mapping[str, FlightLog], model: Vehicle) -> Lasting:
+    each = {name: of_flight(log, model) for name, log in flights.items()}
+    return lasting({name: found for name, found in each.items() if found is not None}, model)
+
+
+def of_flight(log: FlightLog, model: Vehicle) -> Steady | None:
+    """What lasted on a flight with this model; None where no observer of ours told it."""
     try:
         unknown = controller.parameters_of(model).not_compensated
     except InputError:
-        return Lasting()  # a model that no controller of ours can have flown with
+        return None  # a model that no controller of ours can have flown with
     flown = model
     for effect in unknown:
         flown = flown.without_effect(effect)
-    each = {name: steady(log, model, flown) for name, log in flights.items()}
-    return lasting({name: found for name, found in each.items() if found is not None}, model)
+    return steady(log, model, flown)
 
 
 def _command(path: Path, values: Mapping[str, float]) -> str:

@@ -31,9 +31,7 @@ from goshawk.terminal import console
     "--wind",
     "winds",
     multiple=True,
-    default=("0",),
-    show_default=True,
-    help="Steady wind: its speed, from anywhere, or x,y,z (m/s); may be given again.",
+    help="Steady wind: its speed, from anywhere, or x,y,z, m/s [default: none, or as of --like]; may be given again.",
 )
 @preflight_options
 @click.option("--jobs", type=click.IntRange(1), default=1, show_default=True, help="Processes that work at a time.")
@@ -60,10 +58,10 @@ def command(
     interruption. Exit code 1: a case is no go; results.json in --out gives the reason of each.
     """
     alone = jobs == 1 and scheduler is None
-    like = asked.like()
+    like = asked.like({path: vehicle.load(path) for path in vehicle_files}, winds[0] if winds else None)
     options = replace(asked.flown(like=like), threads=None if alone else 1)
     job = case.Job(map_folder, options, out, asked.overwrite, like=like)
-    cases = case.cases_of(plans, vehicle_files, list(dict.fromkeys(winds)))
+    cases = case.cases_of(plans, vehicle_files, list(dict.fromkeys(winds or (f"{like.wind_m_s:.3g}",))))
     with console.progress() as report:
         rows = batch.run(cases, job, jobs=jobs, scheduler=scheduler, progress=report)
     if as_json:

@@ -17,6 +17,7 @@ from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
 from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
 from goshawk.commands.preflight.outcome import Outcome
+from mapping.dense import occupancy
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 COLUMNS: dict[str, type] = {
@@ -70,10 +71,12 @@ class Job:
     kind: ClassVar[Kind] = KIND
 
     def inputs_hash(self) -> bytes:
-        """Of the map, what it says of itself, and the options; not of the threads, on which no result depends."""
+        """Of the map, what it says of itself and may have missed, and the options; no result depends on the threads."""
         area = mapping.open_map(self.map_folder)
         uncertainty = inputs.of_map(area, self.options.uncertainty)
-        asked = (area.hash, replace(self.options, threads=None, uncertainty=uncertainty))
+        stated = area.folder / occupancy.FILE
+        hidden = _hash_of(stated) if stated.is_file() else ""
+        asked = (area.hash, hidden, replace(self.options, threads=None, uncertainty=uncertainty))
         return hashlib.sha256(repr(asked).encode()).digest()
 
     def with_inputs(self, inputs: bytes) -> "Job":
@@ -239,7 +242,7 @@ def _columns(document: dict[str, Any]) -> dict[str, Any]:
     return {
         "flights": document["risk"]["flights"],
         "lost": None if "levels" in document["risk"] else document["risk"]["count"],
-        "risk_upper95": document["risk"]["upper95"],
+        "risk_upper95": document["risk_with_hidden"]["upper95"],
         "finished": document["finished"],
         "clearance_q01_m": document["clearance_m"].get("q01"),
         "clearance_least_m": document["clearance_m"].get("least"),

@@ -13,13 +13,13 @@ import numpy as np
 import planner
 import preflight
 from flight import FlightError, FloatArray, Progress, Trajectory, Waypoints
-from goshawk.commands.preflight.inputs import Subject
+from goshawk.commands.preflight.inputs import Subject, hidden
 from planner.gate import gate
 from preflight import core
 from preflight.result import LEAST_FINISHED
 
 MOMENTS = 4
-"""Of the plan, from which a way home is looked for, evenly spread over its time."""
+"""Of the plan, from which a way home is looked for unless told otherwise, evenly spread over its time."""
 _AWAY_M = 0.1
 """Nearer to where the plan began, the vehicle is home."""
 _REST = np.zeros((3, 4))
@@ -58,19 +58,50 @@ def looked_for(subject: Subject) -> bool:
     return ground is None or not any(np.linalg.norm(point - began) < _SAME_M for point in ground)
 
 
-def ways_home(subject: Subject, *, progress: Progress) -> Iterator[WayHome]:
-    """From some joins of the plan on the way, in their order.
+def ways_home(subject: Subject, moments: int = MOMENTS, *, progress: Progress) -> Iterator[WayHome]:
+    """From the joins of the plan nearest to so many moments, in their order.
 
     Raises:
         KeyboardInterrupt: Ctrl-C.
     """
-    for join in _joins(subject.item.trajectory):
+    for join in _joins(subject.item.trajectory, moments):
         yield _way_home(subject, join, progress)
 
 
 def last_s(ways: tuple[WayHome, ...]) -> float | None:
     """The last of these moments from which a way home is a go; None: from none is."""
     return max((way.from_s for way in ways if way.go), default=None)
+
+
+def no_return_s(ways: tuple[WayHome, ...], usable_j: float) -> float | None:
+    """When the plan so far and the way home take 99 % of the flights all of an energy, for the first time; None: at no
+    moment looked at. Linear between moments; that of the first, where it is too late already."""
+    known = [(way.from_s, way.energy_j) for way in ways if way.energy_j is not None]
+    over = next((i for i, (_, needed_j) in enumerate(known) if needed_j > usable_j), None)
+    if over is None:
+        return None
+    if over == 0:
+        return known[0][0]
+    (before_s, before_j), (after_s, after_j) = known[over - 1], known[over]
+    return before_s + (after_s - before_s) * (usable_j - before_j) / (after_j - before_j)
+
+
+def no_return(ways: tuple[WayHome, ...], usable_j: float, end_j: float | None) -> str:
+    """The point of no return by a battery, in words.
+
+    Args:
+        end_j: that 99 % of the flights need for the whole plan; None: not known.
+    """
+    known = [way for way in ways if way.energy_j is not None]
+    if not known:
+        return "not known: from no moment do enough flights come home"
+    last_s = no_return_s(ways, usable_j)
+    ends = end_j is not None and end_j <= usable_j
+    if last_s is None:
+        return f"none: it brings home from every moment looked at{', and to the end' if ends else ', not to the end'}"
+    if last_s <= known[0].from_s:
+        return f"before {last_s:.1f} s: it is too small for any way home that was looked at"
+    return f"{last_s:.1f} s: later it brings nobody home{', only to the end' if ends else ', nor to the end'}"
 
 
 def sentence(ways: tuple[WayHome, ...]) -> str:
@@ -101,12 +132,12 @@ def energy_j(result: preflight.Result) -> float | None:
     return float(np.quantile(result.record.energy_j[finished], 0.99))
 
 
-def _joins(path: Trajectory) -> list[int]:
+def _joins(path: Trajectory, moments: int = MOMENTS) -> list[int]:
     """Numbers of the joins nearest to the moments where the vehicle is away from home."""
     inner = np.arange(1, len(path.durations_s))
     away_m = np.linalg.norm(path.position(path.starts_s[inner]) - path.position([0.0]), axis=1)
     inner = inner[away_m > _AWAY_M]
-    wanted_s = np.arange(1, MOMENTS + 1) / (MOMENTS + 1) * path.duration_s
+    wanted_s = np.arange(1, moments + 1) / (moments + 1) * path.duration_s
     nearest = {int(inner[np.abs(path.starts_s[inner] - t).argmin()]) for t in wanted_s} if inner.size else set[int]()
     return sorted(nearest)
 
@@ -128,7 +159,7 @@ def _way_home(subject: Subject, join: int, progress: Progress) -> WayHome:
     )
     flown = preflight.fly(
         scenario,
-        replace(subject.options, explain=False),
+        replace(subject.options, explain=False, hidden=hidden(subject, scenario.trajectory)),
         progress=lambda stage, fraction: progress(f"the way home from {from_s:.1f} s", fraction),
     )
     if flown.cut_off or flown.unexplained:

@@ -16,6 +16,7 @@ from flight import FloatArray, FormatError, Trajectory, TrajectoryFile
 from goshawk.commands.preflight.like import Like
 from goshawk.terminal import console
 from mapping.map_folder import read_report
+from planner.gate import could_hide, gate
 from preflight.draws import LOCALIZATION_STD_M
 
 DEFAULT = preflight.Uncertainty()
@@ -79,8 +80,23 @@ def subject(
     uncertainty = of_map(area, options.uncertainty, item.trajectory)
     sources, said = _localized(options.uncertainty, area, item.trajectory)
     like = like or Like()
-    flown = replace(options, uncertainty=uncertainty)
-    return Subject(item, area, believed, flown, {**sources, **like.sources}, (*said, *like.said))
+    flown = Subject(item, area, believed, replace(options, uncertainty=uncertainty), {**sources, **like.sources})
+    found = hidden(flown, item.trajectory)
+    untold = () if found is not None else ("what the map misses is not counted: it states no probabilities",)
+    return replace(flown, options=replace(flown.options, hidden=found), said=(*said, *like.said, *untold))
+
+
+def hidden(of: Subject, path: Trajectory) -> preflight.Hidden | None:
+    """What the map may have missed within the vehicle's sphere along a path; None where it does not state it.
+
+    Raises:
+        FormatError: a file of the map is damaged.
+    """
+    free = of.area.free_space()
+    if free is None:
+        return None
+    ground = gate.asked_of(of.item).ground_world_m
+    return preflight.Hidden.of(could_hide.near(path, free, ground, of.radius_m + of.margin_m, of.radius_m))
 
 
 def _localized(

@@ -1,7 +1,7 @@
-"""Conditions of a preflight as flights show them: gaps and noise of the pose, and noise of the gyro."""
+"""Conditions of a preflight as flights show them: gaps and noise of the pose, noise of the gyro, wind and gusts."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -9,17 +9,24 @@ import preflight
 from firmware_bridge.airborne import in_the_air
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FlightLog, InputError
+from goshawk.commands.learn import lasting_offers
 from goshawk.terminal import console
+from sysid.estimator.validation.steady import Steady
 from sysid.logs import conditions
 from sysid.logs.conditions import Conditions
 from sysid.logs.reading import DRAFTED, read_log
+from vehicle import Vehicle
 
 _NO_FLIGHT = preflight.Uncertainty()
-NO_WIND = "no wind, give --wind"
-"""The force that an observer measures is of the air, a load, or an attitude that is off: no log tells them apart."""
+UNTOLD = {"wind_m_s": "no wind, give --wind", "gust_std_m_s": "no gusts"}
+"""In words, that an observer does not tell one of `AIR`; without a wind there are no gusts either."""
+_TOLD_M_S = 0.5
+"""Standard error of a wind up to which a flight tells it."""
 _NAMED = 3
 """Flights that are named in a sentence."""
 _DEG = math.degrees(1.0)
+AIR = ("wind_m_s", "gust_std_m_s")
+"""Fields of `Uncertainty` that an observer tells."""
 NOISE = ("position_std_m", "attitude_std_rad", "rate_std_rad_s")
 """Fields of `Sensors` and of `Conditions`."""
 
@@ -30,14 +37,33 @@ class Like:
 
     drop_outs_per_s: float = _NO_FLIGHT.drop_outs_per_s
     drop_out_s: float = _NO_FLIGHT.drop_out_s
+    wind_m_s: float = _NO_FLIGHT.wind_m_s
+    wind_spread_ratio: float = _NO_FLIGHT.wind_spread_ratio
+    gust_std_m_s: float = _NO_FLIGHT.gust_std_m_s
     sensors: Sensors = field(default_factory=Sensors.typical)
     sources: Mapping[str, str] = field(default_factory=dict)
     """Name of an uncertainty to the flights it is from."""
     said: tuple[str, ...] = ()
 
+    @property
+    def blowing(self) -> preflight.Uncertainty:
+        """All as usual, in the flights' wind, from anywhere."""
+        return replace(_NO_FLIGHT, wind_m_s=self.wind_m_s, wind_spread_ratio=self.wind_spread_ratio)
+
     @staticmethod
-    def of(paths: Sequence[Path], drop_outs_per_s: float | None = None, drop_out_s: float | None = None) -> "Like":
+    def of(
+        paths: Sequence[Path],
+        drop_outs_per_s: float | None = None,
+        drop_out_s: float | None = None,
+        *,
+        models: Mapping[Path, Vehicle] | None = None,
+        air: Collection[str] = AIR,
+    ) -> "Like":
         """What flights tell, the gaps only where they are not given.
+
+        Args:
+            models: by their files, with one of which the flights were flown; None: they tell no wind.
+            air: what of `AIR` is asked for.
 
         Raises:
             InputError: a flight is missing, was never in the air, or all of them tell nothing.
@@ -45,20 +71,56 @@ class Like:
         """
         if not paths:
             return Like()
-        found = conditions.of_logs([_read(path) for path in paths])
+        logs = [_read(path) for path in paths]
+        found, blown = conditions.of_logs(logs), _Blown.of(logs, models or {}, air)
         names = _names(paths)
-        if found.gaps is None and not _noise(found):
+        if found.gaps is None and not _noise(found) and not blown.told:
             raise InputError(
                 f"{names}: neither a pose nor a gyro of some seconds to take conditions from; leave out --like"
             )
         of_all = names if len(paths) == 1 else f"{len(paths)} flights"
         told = _told(found, drop_outs_per_s is None, drop_out_s is None)
+        said = (_sentence(found, of_all, told, blown, air), *blown.sentences(of_all))
         return replace(
-            Like(sources=dict.fromkeys(told, names), said=(_sentence(found, of_all, told),)),
+            Like(sources=dict.fromkeys([*told, *blown.told], names), said=said),
             drop_outs_per_s=found.gaps_per_s if "drop_outs_per_s" in told else _NO_FLIGHT.drop_outs_per_s,
             drop_out_s=found.gap_s if "drop_out_s" in told else _NO_FLIGHT.drop_out_s,
             sensors=replace(Sensors.typical(), **_noise(found)),
+            **blown.told,
         )
+
+
+@dataclass(frozen=True, slots=True)
+class _Blown:
+    """The windiest and the gustiest of the flights, by the force that their observers measured."""
+
+    told: Mapping[str, float]
+    """Fields of `Like`."""
+
+    @staticmethod
+    def of(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle], air: Collection[str]) -> "_Blown":
+        found = [one for log in logs if (one := _lasted(log, models)) is not None]
+        winds = [(math.hypot(*(k.value for k in w)), max(k.std for k in w)) for one in found if (w := one.wind_m_s)]
+        winds = [wind for wind in winds if wind[1] < _TOLD_M_S]
+        gusts = [one.gust_m_s for one in found if one.gust_m_s is not None]
+        told: dict[str, float] = {}
+        if winds and "wind_m_s" in air:
+            size, std = max(winds)
+            told = {"wind_m_s": size, "wind_spread_ratio": max(_NO_FLIGHT.wind_spread_ratio, std / max(size, std))}
+        return _Blown(told | ({"gust_std_m_s": max(gusts)} if gusts and "gust_std_m_s" in air else {}))
+
+    def sentences(self, flights: str) -> tuple[str, ...]:
+        """What is taken: the force is of the air, a load, or an attitude that is off; no log tells them apart."""
+        parts = [f"wind of {size:.1f} m/s, from anywhere"] if (size := self.told.get("wind_m_s")) is not None else []
+        parts += [f"gusts up to {size:.1f} m/s"] if (size := self.told.get("gust_std_m_s")) is not None else []
+        return (
+            (f"from {flights}: {', '.join(parts)}, if the force that its observer saw is the air's",) if parts else ()
+        )
+
+
+def _lasted(log: FlightLog, models: Mapping[Path, Vehicle]) -> Steady | None:
+    path = lasting_offers.flown_with(log, models) if log.has("observer_state") else None
+    return None if path is None else lasting_offers.of_flight(log, models[path])
 
 
 def _read(path: Path) -> FlightLog:
@@ -85,8 +147,8 @@ def _told(found: Conditions, per_s: bool, length: bool) -> list[str]:
     return [*rate, *(["drop_out_s"] if length and found.gap_s is not None else []), *_noise(found)]
 
 
-def _sentence(found: Conditions, flights: str, told: Sequence[str]) -> str:
-    """What is taken from the flights, and that the wind is not."""
+def _sentence(found: Conditions, flights: str, told: Sequence[str], blown: _Blown, air: Collection[str]) -> str:
+    """What is taken of pose and gyro from the flights, and that the wind is not if they do not tell it."""
     parts: list[str] = []
     if {"drop_outs_per_s", "drop_out_s"} & set(told):
         like = "" if found.gap_s is None else f" ({found.gaps_per_s:.2g} a second of {found.gap_s:.2g} s)"
@@ -95,7 +157,8 @@ def _sentence(found: Conditions, flights: str, told: Sequence[str]) -> str:
     if _noise(found):
         assumed = f" ({' and '.join(missing)} assumed)" if missing else ""
         parts.append(f"noise up to {noise_words(replace(Sensors.typical(), **_noise(found)))}{assumed}")
-    return f"from {flights}: {', '.join(parts)}; {NO_WIND}"
+    untold = [said for name, said in UNTOLD.items() if name in air and name not in blown.told]
+    return "; ".join([f"from {flights}: {', '.join(parts) or 'neither gaps nor noise'}", *untold[:1]])
 
 
 def noise_words(sensors: Sensors) -> str:

@@ -1,5 +1,6 @@
 """How `goshawk preflight` and `goshawk preflight batch` fly, as options: how often, in what air, with what errors."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -8,9 +9,10 @@ import click
 import preflight
 from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
-from goshawk.terminal import console, outputs
+from goshawk.terminal import outputs
 from goshawk.terminal.records import options_as
 from preflight import core
+from vehicle import Vehicle
 
 _DEFAULT = preflight.Uncertainty()
 _OPTIONS = (
@@ -21,7 +23,12 @@ _OPTIONS = (
         "--rare", is_flag=True, help="Estimate by levels of ever nearer flights [default: for risks below 0.001]."
     ),
     click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted."),
-    console.gust_option,
+    click.option(
+        "--gust-std",
+        "gust_std_m_s",
+        type=click.FloatRange(min=0.0),
+        help="Standard deviation of gusts, m/s [default: none, or as of --like].",
+    ),
     click.option(
         "--thermals",
         "thermal_std_m_s",
@@ -35,7 +42,7 @@ _OPTIONS = (
         "like_files",
         type=click.Path(path_type=Path),
         multiple=True,
-        help="Flight whose log tells gaps and noise of the pose, and noise of the gyro; not the wind. Repeatable.",
+        help="Flight whose log tells gaps and noise of pose and gyro, and by its observer wind and gusts. Repeatable.",
     ),
     click.option(
         "--pose-delay",
@@ -103,7 +110,7 @@ class Asked:
     flights: int | None
     rare: bool
     risk: float
-    gust_std_m_s: float
+    gust_std_m_s: float | None
     thermal_std_m_s: float
     like_files: tuple[Path, ...]
     pose_delay_s: float | None
@@ -118,25 +125,32 @@ class Asked:
     seed: int
     overwrite: bool
 
-    def like(self) -> Like:
+    def like(self, models: Mapping[Path, Vehicle], wind: str | None) -> Like:
         """What the flights of `--like` tell and no option gives.
+
+        Args:
+            models: by their files.
+            wind: as `--wind` takes it; None: not given.
 
         Raises:
             InputError: a flight is missing, or tells nothing.
             FormatError: one cannot be read.
         """
-        return Like.of(self.like_files, self.drop_outs_per_s, self.drop_out_s)
+        air = [*(["wind_m_s"] if wind is None else []), *(["gust_std_m_s"] if self.gust_std_m_s is None else [])]
+        return Like.of(self.like_files, self.drop_outs_per_s, self.drop_out_s, models=models, air=air)
 
-    def flown(self, wind: str = "0", like: Like | None = None) -> preflight.Options:
-        """How to fly in a wind as `--wind` takes it; what the map says of itself is not in it yet (`inputs.of_map`).
+    def flown(self, wind: str | None = None, like: Like | None = None) -> preflight.Options:
+        """How to fly in a wind as `--wind` takes it, or the flights'.
+
+        What the map says of itself is not in it yet (`inputs.of_map`).
 
         Raises:
             InputError: the wind, the rate or another number makes no sense.
         """
         like = like or Like()
         uncertainty = replace(
-            inputs.blowing(wind),
-            gust_std_m_s=self.gust_std_m_s,
+            like.blowing if wind is None else inputs.blowing(wind),
+            gust_std_m_s=like.gust_std_m_s if self.gust_std_m_s is None else self.gust_std_m_s,
             thermal_std_m_s=self.thermal_std_m_s,
             pose_delay_std_s=self.pose_delay_s,
             drop_outs_per_s=like.drop_outs_per_s if self.drop_outs_per_s is None else self.drop_outs_per_s,

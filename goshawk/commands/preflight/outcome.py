@@ -40,6 +40,8 @@ class Outcome:
     """None: not asked for, or not found before Ctrl-C."""
     ways_home: tuple[home.WayHome, ...] | None = None
     """Found with the advice, or before Ctrl-C; None: not looked for."""
+    carried_j: float | None = None
+    """Mechanical energy of the battery at the rotors; None: not given."""
 
     @property
     def assumed(self) -> tuple[str, ...]:
@@ -118,7 +120,14 @@ class Outcome:
             "battery_j": self.battery_j,
             "ways_home": None if ways is None else [way.as_dict() for way in ways],
             "last_way_home_s": None if ways is None else home.last_s(ways),
+            "carried_j": self.carried_j,
+            "no_return_s": None if ways is None or not self.carried_j else home.no_return_s(ways, self._usable_j),
         }
+
+    @property
+    def _usable_j(self) -> float:
+        """Of the battery that is carried, but for the reserve."""
+        return (1.0 - RESERVE) * (self.carried_j or 0.0)
 
     @property
     def battery_j(self) -> float | None:
@@ -142,7 +151,14 @@ class Outcome:
             **({} if self.advice is None else {"advice": self.advice.sentence()}),
             "battery": few if battery_j is None else f"{battery_j / 3600.0:.2f} Wh at the rotors, {left}",
             "way home": home.GROUNDED if ways is None else home.sentence(ways),
+            **self._no_return(),
         }
+
+    def _no_return(self) -> dict[str, str]:
+        if self.carried_j is None or self.ways_home is None:
+            return {}
+        of = f"on {self.carried_j / 3600.0:.2f} Wh at the rotors, {100.0 * RESERVE:.0f} % of them kept"
+        return {"no return": f"{home.no_return(self.ways_home, self._usable_j, home.energy_j(self.result))} ({of})"}
 
 
 def _margin_near(of: Subject, needed: margins.Needed) -> LocalMargin | int:

@@ -225,6 +225,8 @@ def _shares(title: str, note: str, shares: Mapping[str, float]) -> str:
 def _endings(result: preflight.Result) -> str:
     rows = [(words, str(chance)) for words, chance in result.endings().items()]
     rows = [("touches something", str(result.touched)), ("leaves the map", str(result.left_map)), *rows]
+    if result.hidden is not None:
+        rows.append(("meets what the map misses", result.hidden.describe()))
     table = _table(("", "flights, and 95 % bound"), rows)
     return f"<section><h2>How they end</h2>{_of_first_level(result)}{table}</section>"
 
@@ -245,8 +247,16 @@ def _assumed(told: Outcome) -> str:
     uncertain = sum(parameter.std > 0.0 for parameter in told.subject.vehicle.parameters.values())
     rows = [
         ("parameters", f"{uncertain} of {len(told.subject.vehicle.parameters)} uncertain", "the vehicle file"),
-        ("mean wind", f"{given.wind_m_s:g} m/s {direction}, ± {100.0 * given.wind_spread_ratio:.0f} %", "asked"),
-        ("gusts (Dryden)", f"{given.gust_std_m_s:g} m/s each axis, length {options.air.gust_length_m:g} m", "asked"),
+        (
+            "mean wind",
+            f"{given.wind_m_s:.3g} m/s {direction}, ± {100.0 * given.wind_spread_ratio:.0f} %",
+            source("wind_m_s") or "asked",
+        ),
+        (
+            "gusts (Dryden)",
+            f"{given.gust_std_m_s:.3g} m/s each axis, length {options.air.gust_length_m:g} m",
+            source("gust_std_m_s") or "asked",
+        ),
         ("thermals", f"{given.thermal_std_m_s:g} m/s upwards at 10 m" if given.thermal_std_m_s else "none", "asked"),
         ("pose delay, untold", delay or "as the model says, or 3 ms", "asked" if delay else known),
         ("gaps of the pose", drop_outs, source("drop_outs_per_s", "asked")),

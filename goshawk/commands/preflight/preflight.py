@@ -1,6 +1,7 @@
 """`goshawk preflight`: a trajectory flown many times in simulation before it is flown once."""
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -8,7 +9,7 @@ import click
 import mapping
 import preflight
 import vehicle
-from flight import Progress, file_format, trajectory
+from flight import InputError, Progress, file_format, trajectory
 from goshawk.commands.preflight import batch, home, inputs, screen
 from goshawk.commands.preflight.options import Asked, preflight_options
 from goshawk.commands.preflight.outcome import Outcome
@@ -24,12 +25,25 @@ SUMMARY = "Fly a trajectory a thousand times in simulation: go or no-go."
 @click.argument("trajectory_file", metavar="TRAJECTORY", type=click.Path(path_type=Path))
 @console.map_option
 @console.vehicle_option
-@click.option("--wind", default="0", show_default=True, help="Steady wind: its speed, from anywhere, or x,y,z (m/s).")
+@click.option("--wind", help="Steady wind: its speed, from anywhere, or x,y,z, m/s [default: none, or as of --like].")
 @preflight_options
 @click.option(
     "--advise",
     is_flag=True,
     help="Find the largest wind that is a go, how much slower is one, the battery to take, and ways home.",
+)
+@click.option(
+    "--moments",
+    type=click.IntRange(1, 100),
+    default=home.MOMENTS,
+    show_default=True,
+    help="Moments of the plan from which --advise looks for a way home.",
+)
+@click.option(
+    "--carried",
+    "carried_wh",
+    type=click.FloatRange(0.0, min_open=True),
+    help="Battery's energy at the rotors, Wh: --advise tells until when it brings the vehicle home.",
 )
 @console.path_option("--out", "out", "JSON file to write with the whole result.")
 @console.path_option("--report", "report", "HTML page to write: the flights in the map, the worst three, and why.")
@@ -38,9 +52,11 @@ def one(
     trajectory_file: Path,
     map_folder: Path,
     vehicle_file: Path,
-    wind: str,
+    wind: str | None,
     asked: Asked,
     advise: bool,
+    moments: int,
+    carried_wh: float | None,
     out: Path | None,
     report: Path | None,
     as_json: bool,
@@ -59,12 +75,17 @@ def one(
     Exit code 0: go, the risk is shown to be at most --risk. 1: no-go, or not shown.
     """
     outputs.check(out, report, overwrite=asked.overwrite)
-    item, believed, like = trajectory.load(trajectory_file), vehicle.load(vehicle_file), asked.like()
+    if carried_wh is not None and not advise:
+        raise InputError("--carried tells until when a way home is left, which --advise looks for: give both")
+    item, believed = trajectory.load(trajectory_file), vehicle.load(vehicle_file)
+    like = asked.like({vehicle_file: believed}, wind)
     options = asked.flown(wind, like)
     with console.progress() as progress:
         progress("opening the map", 0.0)
         subject = inputs.subject(item, mapping.open_map(map_folder), believed, options, like)
-        found = _flown(subject, progress, advise=advise, bundle=worst.BUNDLE if report is not None else 0)
+        bundle = worst.BUNDLE if report is not None else 0
+        found = _flown(subject, progress, advise=advise, moments=moments, bundle=bundle)
+        found = replace(found, carried_j=None if carried_wh is None else 3600.0 * carried_wh)
     _write(found, out, report, overwrite=asked.overwrite)
     if as_json:
         click.echo(file_format.json_text(found.as_dict()), nl=False)
@@ -76,7 +97,9 @@ def one(
     return 0 if found.result.go else 1
 
 
-def _flown(subject: inputs.Subject, progress: Progress, *, advise: bool, bundle: int) -> Outcome:
+def _flown(
+    subject: inputs.Subject, progress: Progress, *, advise: bool, bundle: int, moments: int = home.MOMENTS
+) -> Outcome:
     """Fly it, find what would be a go if asked for, and fly the worst again; after Ctrl-C, what there is."""
     scenario, options = subject.scenario, subject.options
     result = preflight.fly(scenario, options, progress=progress)
@@ -85,7 +108,7 @@ def _flown(subject: inputs.Subject, progress: Progress, *, advise: bool, bundle:
     if advise and not result.cut_off:
         with suppress(KeyboardInterrupt):  # what was found is kept
             if looked_for:
-                for way in home.ways_home(subject, progress=progress):
+                for way in home.ways_home(subject, moments, progress=progress):
                     ways.append(way)
             advice = preflight.advised(scenario, result, options, progress=progress)
     progress("flying the worst again", 0.0)

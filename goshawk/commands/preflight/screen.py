@@ -20,6 +20,7 @@ def show(title: str, found: Outcome) -> None:
         "go": f"{'GO' if result.go else 'NO-GO'}: {result.reason()}",
         **({"lost": str(result.rare.risk)} if result.rare is not None else {}),
         **{words: str(chance) for words, chance in counted.items() if result.rare is None or chance.count},
+        **({"may be hidden": result.hidden.describe()} if result.hidden is not None else {}),
         "to the end": f"{100.0 * result.finished:.1f} %",
     }
     others = sorted(result.endings().items(), key=lambda item: -item[1].count)
@@ -52,6 +53,8 @@ def decides(result: preflight.Result, again: dict[str, Any] | None, narrow: Sequ
     if narrow:
         numbers = ", ".join(str(waypoint + 1) for waypoint in narrow)
         remedy += f"; or move waypoint {numbers}, which leaves flights that touch near it no more room"
+    if result.hidden is not None and result.hides:
+        remedy = result.hidden.remedy()
     if again is None:
         return said, remedy
     near, legs = len(again["near"]), sum(leg["slowed"] for leg in again["legs"])

@@ -32,6 +32,8 @@ TURNED_M_S = 0.3
 """Where headings differ enough that wind is known to this beside a force fixed in the body, that is fitted too."""
 LEAST_DRAG = 0.002
 """Of the weight, for each m/s of wind: a model with less of it turns no force into wind."""
+LEAST_DRAG_OF_GUSTS = 0.01
+"""The same for gusts: what is left holds all errors of the model too, which little drag makes storms of."""
 SIGMA90 = 1.645
 SIGMAS = 3.0
 SEEN_WEIGHT, SEEN_WIND_M_S, SEEN_OFFSET_M = 0.02, 0.3, 0.001
@@ -72,6 +74,9 @@ class Steady:
     """Centre of mass beside the model's, along body x and y."""
     turned: bool
     """Whether the heading changed so much that a tilted thrust axis was fitted too."""
+    gust_m_s: float | None = None
+    """Root mean square of the air's level velocity about its mean, each axis, if all that is left is the air's: an
+    upper estimate. None where the model has too little drag to tell it by."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,13 +119,17 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
         return None
     left = motion.found.force_world_n + motion.force_world_n(flown, np.zeros(2))
 
-    def residual(p: FloatArray, fixed: bool, constant: bool) -> FloatArray:
-        """Blocks by axes of what a set of unknowns leaves: s, wind or force x y, drag, body force x y."""
+    def each(p: FloatArray, fixed: bool, constant: bool) -> FloatArray:
+        """(k, 3) what a set of unknowns leaves: s, wind or force x y, drag, body force x y."""
         wind, push = (np.zeros(2), p[1:3]) if constant else (p[1:3], np.zeros(2))
         tilt = np.append(p[4:6] if fixed else np.zeros(2), 0.0)
         explained = p[0] * motion.force_world_n(model, wind) + [*push, 0.0]
         explained = explained - p[3] * motion.velocity_world_m_s * [1.0, 1.0, 0.0]
-        return motion.mean(left - explained - rotations.rotate(motion.q, np.tile(tilt, (len(motion.q), 1))))
+        return left - explained - rotations.rotate(motion.q, np.tile(tilt, (len(motion.q), 1)))
+
+    def residual(p: FloatArray, fixed: bool, constant: bool) -> FloatArray:
+        """Its blocks by axes."""
+        return motion.mean(each(p, fixed, constant))
 
     force = _Fit.of(lambda p: residual(p, False, True), np.array([1.0, 0.0, 0.0, 0.0]))
     away = force.at[1:3] / max(float(np.hypot(*force.at[1:3])), 1e-9)
@@ -128,8 +137,12 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
     turned = bool(max(with_tilt.std[1:3]) < TURNED_M_S)
     wind = with_tilt if turned else _Fit.of(lambda p: residual(p, False, False), np.array([1.0, *away, 0.0]))
     weight_n = rigid_body(model).mass_kg * model.gravity_m_s2
-    shown = _drag_per_m_s(motion, model, away) > LEAST_DRAG * weight_n and _as_good(wind, force)
+    drag_n_s_m = _drag_per_m_s(motion, model, away)
+    drags = drag_n_s_m > LEAST_DRAG * weight_n
+    told = drag_n_s_m > LEAST_DRAG_OF_GUSTS * weight_n
+    shown = drags and _as_good(wind, force)
     best = wind if shown else force
+    gusts_n = each(best.at, shown and turned, not shown)
     return Steady(
         weight=Known(1.0 / float(best.at[0]), float(best.std[0] / best.at[0] ** 2)),
         wind_m_s=(wind.known(1), wind.known(2)) if shown else None,
@@ -138,7 +151,14 @@ def steady(log: FlightLog, model: Vehicle, flown: Vehicle) -> Steady | None:
         level_m_s=float(np.sqrt((motion.velocity_world_m_s[:, :2] ** 2).sum(axis=1).mean())),
         offset_m=_offsets(motion, flown),
         turned=turned,
+        gust_m_s=_level_n(motion, gusts_n) / (drag_n_s_m + max(float(best.at[3]), 0.0)) if told else None,
     )
+
+
+def _level_n(motion: _Motion, left_n: FloatArray) -> float:
+    """Root mean square, each level axis, of forces (k, 3) beyond the sensors' noise."""
+    noise = np.nan_to_num(motion.found.force_std_n) ** 2
+    return float(np.sqrt(max(float((left_n[:, :2] ** 2).mean() - noise.mean()), 0.0)))
 
 
 def _motion(log: FlightLog) -> _Motion | None:

@@ -76,6 +76,35 @@ def test_it_is_flown_with_no_more_room_stated_than_all_of_it_has(subject, monkey
         assert 0.0 < scenario.clearance_m <= room_m + 1e-3
 
 
+@pytest.mark.parametrize(
+    ("usable_j", "last_s", "said"),
+    [
+        (40.0, None, "none: it brings home from every moment looked at, and to the end"),
+        (22.0, 2.2, "2.2 s: later it brings nobody home, nor to the end"),
+        (5.0, 1.0, "before 1.0 s: it is too small for any way home that was looked at"),
+    ],
+)
+def test_no_return_is_where_the_energy_so_far_and_home_is_the_batterys(usable_j, last_s, said):
+    ways = tuple(replace(way(float(t)), energy_j=10.0 * t) for t in (1, 2, 3))
+    assert home.no_return_s(ways, usable_j) == last_s
+    assert home.no_return(ways, usable_j, 35.0) == said
+    assert home.no_return((replace(way(1.0), energy_j=None),), usable_j, 35.0).startswith("not known")
+
+
+def test_a_smaller_battery_brings_home_from_fewer_moments_and_more_moments_are_looked_at_if_asked(subject):
+    ways = tuple(home.ways_home(subject, 100, progress=silent))
+    assert len(ways) >= len(home._joins(subject.item.trajectory))
+    result = preflight.fly(subject.scenario, OPTIONS)
+    most_j = max(way.energy_j or 0.0 for way in ways)
+    told = []
+    for share in (1.01, 0.97, 0.94):
+        found = Outcome(subject, result, ways_home=ways, carried_j=share * most_j / (1.0 - RESERVE))
+        told.append(found.as_dict()["advice"]["no_return_s"])
+        assert f"{found.carried_j / 3600.0:.2f} Wh" in found.advice_words()["no return"]
+    assert told[0] is None
+    assert told[1] > told[2] >= ways[0].from_s
+
+
 def way(from_s, duration_s=1.0, *, go=True) -> WayHome:
     return WayHome(from_s, 4.5 - from_s, duration_s, 1.0, go, "2 of 60")
 

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import vehicle
-from firmware_bridge.controller import State
+from firmware_bridge import Sensors, closed_loop
+from firmware_bridge.controller import State, parameters_of
 from flight import FlightLog, flight_log
 from goshawk.commands.preflight.like import Like
 from tests.goshawk.running import answer
+from vehicle import manoeuvres, simulate
 
 RATE_HZ, SECONDS, GAP_S, GAPS = 100, 50.0, 0.2, 10
 
@@ -54,6 +56,50 @@ def test_a_flight_gives_gaps_and_noise_within_a_fifth(folder):
     two = Like.of([folder / "gaps.parquet"] * 2)
     assert two.said[0].startswith("from 2 flights: 20 gaps")
     assert all(len(sentence.split()) <= 30 for sentence in found.said + two.said)
+
+
+@pytest.fixture(scope="module")
+def blown(folder) -> FlightLog:
+    """A flight of the example in 3 m/s of wind and gusts of 1 m/s, whose observer measured the force."""
+    drone, path = vehicle.example(), manoeuvres.scaled(manoeuvres.make("oblique"), 0.5)
+    start = simulate.State(path.position([0.0])[0] * [1.0, 1.0, 0.0])
+    plant = simulate.Plant(
+        drone, start, wind=simulate.Wind((3.0, 0.0, 0.0), 1.0), ground_m=0.0, rng=np.random.default_rng(1)
+    )
+    log = closed_loop.fly(plant, parameters_of(drone), path, sensors=Sensors.typical(), imu=True).log
+    flight_log.save(folder / "blown.parquet", log)
+    return log
+
+
+def test_an_observer_gives_wind_and_gusts_unless_they_are_asked_for(folder, blown):
+    models = {folder / "vehicle.toml": vehicle.example()}
+    found = Like.of([folder / "blown.parquet"], models=models)
+    assert found.wind_m_s == pytest.approx(3.0, rel=0.25)
+    assert found.gust_std_m_s == pytest.approx(1.0, rel=0.35)
+    assert found.said[-1].startswith("from blown.parquet: wind of ")
+    assert all(len(sentence.split()) <= 30 for sentence in found.said)
+    assert not any("no wind" in sentence for sentence in found.said)
+    asked = Like.of([folder / "blown.parquet"], models=models, air=["gust_std_m_s"])
+    assert (asked.wind_m_s, asked.gust_std_m_s) == (0.0, found.gust_std_m_s)
+    assert "wind_m_s" not in asked.sources
+
+
+def test_a_flight_of_another_model_tells_no_wind(folder, blown):
+    flight_log.save(folder / "foreign.parquet", FlightLog(blown.columns, {"vehicle_hash": "ab12"}))
+    found = Like.of([folder / "foreign.parquet"], models={folder / "vehicle.toml": vehicle.example()})
+    assert found.wind_m_s == found.gust_std_m_s == 0.0
+    assert "no wind, give --wind" in found.said[0]
+
+
+def test_the_flights_wind_is_flown_and_one_given_by_hand_wins(folder, blown, tmp_path):
+    seen = flown_ahead(folder, "--like", folder / "blown.parquet", "--json")
+    assert seen.returncode in (0, 1), seen.stderr
+    assert any("wind of" in sentence for sentence in json.loads(seen.stdout)["assumed"])
+    calm = json.loads(
+        flown_ahead(folder, "--like", folder / "blown.parquet", "--wind", 0, "--gust-std", 0, "--json").stdout
+    )
+    assert json.loads(seen.stdout)["error_m"]["median"] > 1.1 * calm["error_m"]["median"]
+    assert not any("wind" in sentence for sentence in calm["assumed"])
 
 
 def test_screen_file_and_page_name_the_flight(folder, tmp_path):

@@ -23,7 +23,7 @@ WIND = (2.0, -1.0, 0.0)
 @cache
 def flown(what: str) -> FlightLog:
     """A true vehicle or weather that is not the file's, flown by a controller of the file."""
-    truth, file, wind = FILE, FILE, (0.0, 0.0, 0.0)
+    truth, file, wind, gust_m_s = FILE, FILE, (0.0, 0.0, 0.0), 0.0
     if what == "heavy":
         truth = truth.with_value("mass_kg", 1.05 * truth.mass_kg)
     elif what == "weak":
@@ -38,9 +38,11 @@ def flown(what: str) -> FlightLog:
         wind = WIND
     elif what == "wind, no drag known":
         file, wind = _without(file), WIND
+    elif what == "gusts":
+        wind, gust_m_s = WIND, 1.0
     path = manoeuvres.scaled(manoeuvres.make("oblique"), 0.5)
     start = simulate.State(path.position([0.0])[0] * [1.0, 1.0, 0.0])
-    plant = simulate.Plant(truth, start, wind=simulate.Wind(wind), ground_m=0.0)
+    plant = simulate.Plant(truth, start, wind=simulate.Wind(wind, gust_m_s), ground_m=0.0, rng=np.random.default_rng(1))
     return closed_loop.fly(plant, parameters_of(file), path, sensors=Sensors.typical(), imu=True).log
 
 
@@ -54,6 +56,18 @@ def found(what: str, file: Vehicle = FILE) -> Steady:
     one = steady(flown(what), file, file)
     assert one is not None
     return one
+
+
+def test_gusts_are_told_beside_the_wind_and_hardly_any_of_calm_air():
+    gusty, calm = found("gusts"), found("wind")
+    assert gusty.gust_m_s == pytest.approx(1.0, rel=0.3)
+    assert calm.gust_m_s == pytest.approx(0.0, abs=0.4)
+    assert found("wind, no drag known", _without(FILE)).gust_m_s is None
+
+
+def test_a_drag_that_the_file_lacks_makes_no_storm():
+    """With the airframe's drag alone, a tenth of all at these speeds, errors of the model would count tenfold."""
+    assert found("wind", FILE.without_effect("rotor_drag_thrust")).gust_m_s is None
 
 
 def test_a_flight_as_the_file_has_it_offers_nothing():
