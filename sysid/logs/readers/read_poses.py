@@ -6,7 +6,7 @@ import numpy as np
 
 from flight import FlightLog, FormatError, InputError
 from flight.rotations import FloatArray
-from sysid.logs.motors import rotor_places
+from sysid.logs.motors import full_throttle, rotor_places
 from sysid.logs.readers.assemble import ATTITUDE, FORCE, POSE, RATE, assembled, columns
 from sysid.logs.readers.streams import Stream
 from sysid.logs.sensors import common_turning, low_pass
@@ -117,7 +117,9 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog, *, align: bool
     streams: dict[str, Stream] = {POSE: own, RATE: _averaged(rest, float(np.median(np.diff(own["time_s"]))))}
     notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}", *told]
     log = assembled(path, streams, notes)
-    of_imu = {key: imu.metadata[key] for key in (rotor_places.KEY, low_pass.KEY) if key in imu.metadata}
+    of_imu = {
+        key: imu.metadata[key] for key in (rotor_places.KEY, low_pass.KEY, full_throttle.IDLE) if key in imu.metadata
+    }
     return FlightLog(log.columns, {**log.metadata, **of_imu})
 
 

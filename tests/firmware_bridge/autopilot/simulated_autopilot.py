@@ -163,9 +163,7 @@ class SimulatedAutopilot:
         self._rates_flu, self._thrust, self._setpoint_s = FLIP * frd, float(message.thrust), self.time_s
         self._target = None
 
-    def _on_set_position_target_local_ned(
-        self, message: mavlink.MAVLink_set_position_target_local_ned_message
-    ) -> None:
+    def _on_set_position_target_local_ned(self, message: mavlink.MAVLink_set_position_target_local_ned_message) -> None:
         assert (message.target_system, message.coordinate_frame, message.type_mask) == (
             1, mavlink.MAV_FRAME_LOCAL_NED, 0
         )  # fmt: skip
