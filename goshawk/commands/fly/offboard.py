@@ -111,7 +111,8 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     throttle = np.linspace(0.02, 1.0, 50)
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
-    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], model.rotors, axis=1))
+    speeds, around = np.repeat(speed[:, None], model.rotors, axis=1), vehicle.forces.open_air(len(speed), model.rotors)
+    force, _ = vehicle.wrench(model, still, still, speeds, surroundings=around)
     sags = SAG in model.effects
     sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
     return through(throttle, force[:, 2], **sag)
