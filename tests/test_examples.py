@@ -1,6 +1,7 @@
 """Every example runs as its reader would run it, and prints something."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -40,3 +41,5 @@ def test_example_runs(script, tmp_path):
     assert answer.returncode == 0, answer.stderr
     assert answer.stdout.strip()
     assert script.read_text().startswith('"""')
+    for before, after in re.findall(r"laps: (\d+) mm before, (\d+) mm after", answer.stdout):
+        assert int(after) <= 0.5 * int(before)
