@@ -107,11 +107,12 @@ class SimulatedAutopilot:
             force, torque = vehicle.wrench(model, np.zeros((1, 3)), np.zeros((1, 3)), np.sqrt(squared)[None, :])
             return np.concatenate([force[0, 2:], torque[0]])
 
-        hover = np.full(4, (0.5 * full) ** 2)
+        rotors = model.rotors
+        hover = np.full(rotors, (0.5 * full) ** 2)
         step = 1e-3 * hover[0]
-        columns = [(wrench(hover + step * np.eye(4)[i]) - wrench(hover)) / step for i in range(4)]
-        self._squared = np.linalg.inv(np.array(columns).T)
-        self._full_n = float(wrench(np.full(4, full**2))[0])
+        columns = [(wrench(hover + step * np.eye(rotors)[i]) - wrench(hover)) / step for i in range(rotors)]
+        self._squared = np.linalg.pinv(np.array(columns).T)
+        self._full_n = float(wrench(np.full(rotors, full**2))[0])
         self._inertia = np.diag([model.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")])
 
     # the line
@@ -253,14 +254,14 @@ class SimulatedAutopilot:
     def _rotor_speeds(self) -> np.ndarray:
         if not self.armed:
             self._integral[:] = 0.0
-            return np.zeros(4)
+            return np.zeros(self.plant.vehicle.rotors)
         rates, force_n = self._asked_for()
         if self.follows and self._thrust <= 0.0:
-            return np.full(4, IDLE * self.full_rad_s)
+            return np.full(self.plant.vehicle.rotors, IDLE * self.full_rad_s)
         rate = self.plant.rate_body_rad_s
         self._integral += 2.0 * (rates - rate) * STEP_S
         torque = self._inertia @ (25.0 * (rates - rate) + self._integral) + np.cross(rate, self._inertia @ rate)
-        collective = np.full(4, max(force_n, 0.0) / self._full_n * self.full_rad_s**2)
+        collective = np.full(len(self._squared), max(force_n, 0.0) / self._full_n * self.full_rad_s**2)
         squared = collective + self._squared @ np.array([0.0, *torque])
         return np.sqrt(np.clip(squared, (IDLE * self.full_rad_s) ** 2, self.full_rad_s**2))
 
@@ -334,7 +335,8 @@ class SimulatedAutopilot:
         ids = mavlink
         if message_id == ids.MAVLINK_MSG_ID_HEARTBEAT:
             autopilot = ids.MAV_AUTOPILOT_PX4 if self.kind == "px4" else ids.MAV_AUTOPILOT_ARDUPILOTMEGA
-            return m.heartbeat_encode(ids.MAV_TYPE_QUADROTOR, autopilot, 1 | (128 if self.armed else 0), self.mode, 4)
+            kind = {4: ids.MAV_TYPE_QUADROTOR, 6: ids.MAV_TYPE_HEXAROTOR}[plant.vehicle.rotors]
+            return m.heartbeat_encode(kind, autopilot, 1 | (128 if self.armed else 0), self.mode, 4)
         if message_id == ids.MAVLINK_MSG_ID_ATTITUDE_QUATERNION:
             w, x, y, z = plant.q_world_body
             return m.attitude_quaternion_encode(ms, w, x, -y, -z, *(FLIP * plant.rate_body_rad_s))
@@ -344,7 +346,7 @@ class SimulatedAutopilot:
             return m.local_position_ned_encode(ms, *place, *(FLIP * plant.velocity_world_m_s))
         if message_id == ids.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
             us = np.rint(1000.0 + 1000.0 * plant.rotor_speed_rad_s / self.full_rad_s).astype(int)
-            return m.servo_output_raw_encode(ms, 0, *us.tolist(), 0, 0, 0, 0)
+            return m.servo_output_raw_encode(ms, 0, *us.tolist(), *[0] * (8 - len(us)))
         if message_id == ids.MAVLINK_MSG_ID_SYS_STATUS:
             bit = ids.MAV_SYS_STATUS_PREARM_CHECK
             return m.sys_status_encode(bit, bit, 0 if self.prearm else bit, 0, 16200, -1, -1, 0, 0, 0, 0, 0, 0)
