@@ -128,10 +128,12 @@ def _averaged(stream: Stream, period_s: float) -> Stream:
     rows = 2 * int(0.5 * period_s / float(np.median(np.diff(stream["time_s"])))) + 1
     if rows == 1:
         return stream
-    counts = np.convolve(np.ones(len(stream["time_s"])), np.ones(rows), "same")
+    half, ones = rows // 2, np.full(rows, 1.0 / rows)
 
     def mean(values: FloatArray) -> FloatArray:
-        return np.convolve(values, np.ones(rows), "same") / counts
+        """The ends, which have rows on one side only, as they are."""
+        inner = np.convolve(values, ones, "valid")
+        return np.concatenate([values[:half], inner, values[len(values) - half :]])
 
     return {name: values if name == "time_s" else mean(values) for name, values in stream.items()}
 

@@ -27,7 +27,8 @@ def simulated(way: Trajectory, kind: str = "px4", *, model: vehicle.Vehicle = MO
     start = way.position([0.0])[0]
     name = {"px4": "MPC_THR_HOVER", "ardupilot": "MOT_THST_HOVER"}[kind]
     parameters = {name: hover_thrust(kind, model)} | more.pop("parameters", {})
-    state = vehicle.simulate.State(position_world_m=np.array([start[0], start[1], 0.0]))
+    still = np.zeros(model.rotors)
+    state = vehicle.simulate.State(position_world_m=np.array([start[0], start[1], 0.0]), rotor_speed_rad_s=still)
     plant = vehicle.simulate.Plant(model, state, rng=np.random.default_rng(1), ground_m=0.0)
     return SimulatedAutopilot(plant, kind, parameters, **more)
 
