@@ -85,7 +85,7 @@ def command(
         raise click.UsageError("--body and --record are for --rehearse")
     if address is not None or rehearse:
         rehearsal = Rehearsal(body_file, record) if rehearse else None
-        _fly_off_board(plan, address, arms, rehearsal, pose_stream, vehicle_file, out, write, as_json)
+        _fly_off_board(plan, address, arms, rehearsal, pose_stream, vehicle_file, out, write, overwrite, as_json)
         return
     if plan is not None:
         raise InputError(f"{plan}: with --on or --rehearse it is flown; of a vehicle of ours say --trajectory {plan}")
@@ -123,6 +123,7 @@ def _fly_off_board(
     vehicle_file: Path | None,
     out: Path,
     write: Callable[[FlightLog], None],
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     from goshawk.commands.fly import autopilot, crazyflie, offboard
@@ -135,6 +136,8 @@ def _fly_off_board(
         raise InputError("--arming is for mavlink: and crazyflie: addresses; Betaflight is armed by its own switch")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
+    if rehearsal is not None and rehearsal.record is not None:
+        outputs.check(*(rehearsal.record / name for name in offboard.RECORDED), overwrite=overwrite)
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)
     refuse_unfit(item, None, vehicle.vehicle_hash(model) if item.checked else None, rehearsal is not None)
     touch_down: dict[str, float] = {}

@@ -26,6 +26,7 @@ from firmware_bridge.offboard.thrust_map import ThrustMap, through
 from firmware_bridge.offboard.tracker import Tracker
 from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
 from goshawk.commands.fly import many_rotors
+from goshawk.terminal import outputs
 from vehicle import Vehicle
 
 IDLE = 0.055
@@ -45,6 +46,7 @@ SAG = "battery_sag"
 NO_SAG = "battery_sag is not rehearsed: the simulated firmware measures no voltage, so the battery stays at reference_v"
 BLACKBOX = "set blackbox_device = VIRTUAL"
 """The simulator's firmware writes its log into its folder."""
+RECORDED = ("poses.tum", "blackbox.bfl")
 _SAMPLES_1_S = 100.0
 _LAST_WORD_S = 3.0
 """For the body to say why it ended, where the flight only knows that its other side is gone."""
@@ -333,11 +335,13 @@ def rehearse(
 
 
 def recorded(record: Path, firmware: Path, body: Body) -> None:
-    """`blackbox.bfl`, of the firmware, and `poses.tum`, what the simulated tracking system has sent."""
+    """What the simulated tracking system has sent, and the firmware's blackbox, as `RECORDED`; old ones stay beside."""
     record.mkdir(parents=True, exist_ok=True)
-    (record / "poses.tum").write_bytes(b"".join(map(tum_line, body.sent)))
+    with outputs.file(record / RECORDED[0], overwrite=True) as poses:
+        poses.write_bytes(b"".join(map(tum_line, body.sent)))
     for log in firmware.glob("LOG*.BF*"):
-        shutil.copy(log, record / "blackbox.bfl")
+        with outputs.file(record / RECORDED[1], overwrite=True) as blackbox:
+            shutil.copy(log, blackbox)
 
 
 def model_of(vehicle_file: Path | None) -> Vehicle:
