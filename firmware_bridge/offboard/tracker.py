@@ -205,8 +205,8 @@ class Tracker:
 
 
 def _target(setpoint: dict) -> Target:
-    moves = [np.asarray(setpoint[name], np.float64) for name in _MOVES]
-    return Target(*moves, float(setpoint["yaw_rad"]), float(setpoint["yaw_rate_rad_s"]))
+    place, velocity, acceleration = (np.asarray(setpoint[name], np.float64) for name in _MOVES)
+    return Target(place, velocity, acceleration, float(setpoint["yaw_rad"]), float(setpoint["yaw_rate_rad_s"]))
 
 
 def _excess_m_s2(motion: Motion, up: FloatArray) -> float:

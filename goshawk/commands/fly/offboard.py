@@ -28,6 +28,7 @@ from flight import FlightLog, InputError, LinkError, Progress, Trajectory, Traje
 from goshawk.commands.fly import many_rotors
 from goshawk.terminal import outputs
 from vehicle import Vehicle
+from vehicle.forces import open_air
 
 IDLE = 0.055
 """Betaflight's output at no throttle, unless `motor_idle` says otherwise."""
@@ -113,7 +114,7 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     throttle = np.linspace(0.02, 1.0, 50)
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
-    speeds, around = np.repeat(speed[:, None], model.rotors, axis=1), vehicle.forces.open_air(len(speed), model.rotors)
+    speeds, around = np.repeat(speed[:, None], model.rotors, axis=1), open_air(len(speed), model.rotors)
     force, _ = vehicle.wrench(model, still, still, speeds, surroundings=around)
     sags = SAG in model.effects
     sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}

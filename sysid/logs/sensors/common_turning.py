@@ -71,10 +71,9 @@ def _correlations(poses: FloatArray, gyro: FloatArray) -> tuple[FloatArray, Floa
     common = np.maximum(np.rint(crossed(*ones)), 1.0)
     a, b = crossed(poses, ones[1]) / common, crossed(ones[0], gyro) / common
     var_a, var_b = crossed(poses**2, ones[1]) / common - a**2, crossed(ones[0], gyro**2) / common - b**2
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = (crossed(poses, gyro) / common - a * b) / np.sqrt(np.maximum(var_a * var_b, 1e-12))
+    correlation: FloatArray = (crossed(poses, gyro) / common - a * b) / np.sqrt(np.maximum(var_a * var_b, 1e-12))
     long = common * GRID_S >= max(LEAST_COMMON_S, 0.5 * min(len(poses), len(gyro)) * GRID_S)
-    shifts = np.arange(count) - (len(gyro) - 1.0)
+    shifts: FloatArray = np.arange(count, dtype=np.float64) - (len(gyro) - 1.0)
     return shifts[long], correlation[long]
 
 
