@@ -37,6 +37,7 @@ EXAMPLES = {
     "06_laps_round_a_statue": "mission.png",
     "07_gates_and_a_tube": "gates.png",
     "08_after_the_papers_flights": "walk.png",
+    "09_learn_a_betaflight": "learnt.png",
 }
 """Example to the picture of it in the gallery; 05 has `error_falls`."""
 SCRIPTS = {

@@ -77,6 +77,8 @@ class Body:
     """Set while nobody keeps time with it yet: nobody will."""
     way: list[tuple[float, FloatArray]] = field(default_factory=list)
     """Time and true position, (3,) of the world, at every step."""
+    sent: list[Pose] = field(default_factory=list)
+    """Every pose, as a recorder beside the tracking system has them."""
     fastest_down_m_s: float = 0.0
     """Sink of the last instant above the ground."""
 
@@ -156,6 +158,7 @@ class Body:
         pose = Pose(self.time_s, position, rotations.multiply(self.plant.q_world_body, turned))
         changed = self.change_pose(self.time_s, pose) if self.change_pose is not None else pose
         if changed is not None:
+            self.sent.append(changed)
             late.append((self.time_s + tracking.delay_s, changed))
 
     def _step(self, firmware: Sitl, outputs: deque[FloatArray], rng: np.random.Generator) -> None:

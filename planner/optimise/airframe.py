@@ -12,7 +12,7 @@ import numpy as np
 
 import vehicle as vehicles
 from flight import FloatArray, portable
-from vehicle import Limits, Vehicle, allocation, dynamics, invert
+from vehicle import Limits, Vehicle, allocation, dynamics, forces, invert
 
 _SINGLE = ("speed", "acceleration", "jerk", "tilt", "roll and pitch rate", "yaw rate")
 
@@ -71,7 +71,8 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
     hover = invert.hover(vehicle)
     mean_square = float(np.mean(hover**2))
     still, mass = np.zeros((1, 3)), vehicle.mass_kg
-    slope = dynamics.wrench_jacobian(vehicle, still, still, hover[None]).rotor_speed[0, 2:]
+    around = forces.open_air(1, vehicle.rotors)
+    slope = dynamics.wrench_jacobian(vehicle, still, still, hover[None], surroundings=around).rotor_speed[0, 2:]
     if vehicle.rotors > 4:
         by_wrench = allocation.by_wrench(vehicle, slope[None], hover[None])[0]
     else:
@@ -115,9 +116,11 @@ def _in_flight(vehicle: Vehicle, hover: FloatArray) -> tuple[FloatArray, FloatAr
     turn, lateral, up = (np.asarray(grid, dtype=np.float64).ravel() for grid in grids)
     sine, cosine = portable.sine_cosine(turn)
     velocity: FloatArray = np.stack([lateral * cosine, lateral * sine, up], axis=1)
+    count, rotors = len(velocity), len(hover)
     force, _ = vehicles.wrench(
-        vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (len(velocity), len(hover)))
-    )
+        vehicle, velocity, np.zeros_like(velocity), np.broadcast_to(hover, (count, rotors)),
+        surroundings=forces.open_air(count, rotors),
+    )  # fmt: skip
     per_mass = force / vehicle.mass_kg
     drag = -np.sum(per_mass[:, :2] * velocity[:, :2], axis=1) / lateral**2
     by_speed = np.stack([np.ones_like(lateral), np.sqrt(lateral**2 + up**2)], axis=1)

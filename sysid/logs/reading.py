@@ -109,18 +109,19 @@ def _read(path: Path, column_map: Path | None) -> FlightLog:
     return FlightLog(log.columns, {"name": path.stem, **log.metadata})
 
 
-def read_joined(pose: Path, imu: Path, column_map: Path | None = None) -> FlightLog:
+def read_joined(pose: Path, imu: Path, column_map: Path | None = None, *, align: bool = False) -> FlightLog:
     """One log of a pose and an IMU in two files that one clock stamped.
 
     Args:
         column_map: of both, where they are CSV with the same names; else each is drafted.
+        align: two clocks stamped them, whose offset is found by how both saw the vehicle turn.
 
     Raises:
         InputError: one lacks what it should hold, or the clocks share no time.
         FormatError: one cannot be read.
     """
     logs = [read_log(path, column_map if needs_map(path) else None) for path in (pose, imu)]
-    joined = read_poses.joined_on_clocks(pose, *logs)
+    joined = read_poses.joined_on_clocks(pose, *logs, align=align)
     drafted = [f"{log.metadata['source']}: {s}" for log in logs for s in log.metadata.get(DRAFTED, ())]
     return FlightLog(joined.columns, {**joined.metadata, **({DRAFTED: drafted} if drafted else {})})
 

@@ -34,6 +34,16 @@ def planned(request, open_sky):
     return drone, planner.plan(WAY, open_sky, drone)
 
 
+def test_rotors_that_turn_the_body_as_they_spin_up_are_planned_for(open_sky):
+    """What needs the rotors' acceleration is nothing at steady speed, where the reduced model is made."""
+    plain = made("x").without_effect("rotor_drag_speed")
+    heavy = plain.with_effect("rotor_acceleration_torque", rotor_inertia_kg_m2=1e-4)
+    one, other = (airframe.reduced(drone, drone.limits) for drone in (plain, heavy))
+    np.testing.assert_array_equal(one.mix, other.mix)
+    assert one.drag_per_speed_1_m == other.drag_per_speed_1_m
+    assert planner.plan(WAY, open_sky, heavy).gate.passed
+
+
 def test_the_gate_passes_and_every_rotor_stays_within_its_limits(planned):
     drone, plan = planned
     assert plan.gate.passed

@@ -1,6 +1,7 @@
 """`goshawk fly`: take off, fly the uploaded trajectory, land; write the flight log."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import click
@@ -26,6 +27,8 @@ SUMMARY = "Fly the uploaded trajectory and record a flight log."
 )
 @click.option("--arming", "arms", is_flag=True, help="With mavlink: and crazyflie: arm it; else the pilot does.")
 @click.option("--rehearse", is_flag=True, help="Fly it on Betaflight's real firmware in a simulated body.")
+@console.path_option("--body", "body_file", "With --rehearse: vehicle file of the body, if another.")
+@console.path_option("--record", "record", "With --rehearse: folder for its blackbox and the poses sent (TUM).")
 @click.option(
     "--pose-stream",
     "pose_stream",
@@ -46,6 +49,8 @@ def command(
     address: str | None,
     arms: bool,
     rehearse: bool,
+    body_file: Path | None,
+    record: Path | None,
     pose_stream: str,
     vehicle_file: Path | None,
     out: Path,
@@ -76,8 +81,11 @@ def command(
         if "ended_early" in log.metadata:
             click.echo(f"note: wrote the log as far as it goes to {out}", err=True)
 
+    if (body_file or record) and not rehearse:
+        raise click.UsageError("--body and --record are for --rehearse")
     if address is not None or rehearse:
-        _fly_off_board(plan, address, arms, rehearse, pose_stream, vehicle_file, out, write, as_json)
+        rehearsal = Rehearsal(body_file, record) if rehearse else None
+        _fly_off_board(plan, address, arms, rehearsal, pose_stream, vehicle_file, out, write, overwrite, as_json)
         return
     if plan is not None:
         raise InputError(f"{plan}: with --on or --rehearse it is flown; of a vehicle of ours say --trajectory {plan}")
@@ -98,20 +106,29 @@ def command(
         click.echo(f"note: {why}")
 
 
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """What is asked of one."""
+
+    body_file: Path | None
+    record: Path | None
+
+
 def _fly_off_board(
     plan: Path | None,
     address: str | None,
     arms: bool,
-    rehearse: bool,
+    rehearsal: Rehearsal | None,
     pose_stream: str,
     vehicle_file: Path | None,
     out: Path,
     write: Callable[[FlightLog], None],
+    overwrite: bool,
     as_json: bool,
 ) -> None:
     from goshawk.commands.fly import autopilot, crazyflie, offboard
 
-    if address is not None and rehearse:
+    if address is not None and rehearsal is not None:
         raise InputError("--rehearse flies in a simulated body, --on the flight controller there; give one of them")
     mavlink = address is not None and address.startswith(autopilot.line.PREFIX)
     flies_itself = address is not None and address.startswith(crazyflie.PREFIX)
@@ -119,12 +136,17 @@ def _fly_off_board(
         raise InputError("--arming is for mavlink: and crazyflie: addresses; Betaflight is armed by its own switch")
     if plan is None:
         raise InputError("name the trajectory file to fly: goshawk fly walk.json --rehearse --vehicle vehicle.toml")
+    if rehearsal is not None and rehearsal.record is not None:
+        outputs.check(*(rehearsal.record / name for name in offboard.RECORDED), overwrite=overwrite)
     item, model = trajectory.load(plan), offboard.model_of(vehicle_file)
-    refuse_unfit(item, None, vehicle.vehicle_hash(model) if item.checked else None, rehearse)
+    refuse_unfit(item, None, vehicle.vehicle_hash(model) if item.checked else None, rehearsal is not None)
     touch_down: dict[str, float] = {}
     with console.cancel_by_ctrl_c() as cancel, console.progress() as report:
-        if rehearse:
-            log, early, down_m_s = offboard.rehearse(model, item, seed=1, progress=report, cancel=cancel)
+        if rehearsal is not None:
+            flies = vehicle.load(rehearsal.body_file) if rehearsal.body_file is not None else None
+            log, early, down_m_s = offboard.rehearse(
+                model, item, seed=1, progress=report, cancel=cancel, flies=flies, record=rehearsal.record
+            )
             touch_down = {"touch_down_m_s": down_m_s}
         else:
             assert address is not None

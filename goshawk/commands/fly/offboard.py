@@ -1,6 +1,8 @@
 """A plan on a flight controller of other firmware: what of the vehicle file that takes, the checks, and a rehearsal."""
 
 import contextlib
+import shutil
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,14 +19,16 @@ from firmware_bridge.betaflight_sitl.body import ADDRESS, SETTINGS, Body
 from firmware_bridge.offboard import byte_line, checks, settings
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.messages import Setup
-from firmware_bridge.offboard.poses import Poses
+from firmware_bridge.offboard.poses import Poses, tum_line
 from firmware_bridge.offboard.procedure import Flight
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, through
 from firmware_bridge.offboard.tracker import Tracker
 from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
 from goshawk.commands.fly import many_rotors
+from goshawk.terminal import outputs
 from vehicle import Vehicle
+from vehicle.forces import open_air
 
 IDLE = 0.055
 """Betaflight's output at no throttle, unless `motor_idle` says otherwise."""
@@ -41,6 +45,9 @@ RESTART_S = 3.0
 """A flight controller that leaves its command line starts anew; what waits for it after that waits by itself."""
 SAG = "battery_sag"
 NO_SAG = "battery_sag is not rehearsed: the simulated firmware measures no voltage, so the battery stays at reference_v"
+BLACKBOX = "set blackbox_device = VIRTUAL"
+"""The simulator's firmware writes its log into its folder."""
+RECORDED = ("poses.tum", "blackbox.bfl")
 _SAMPLES_1_S = 100.0
 _LAST_WORD_S = 3.0
 """For the body to say why it ended, where the flight only knows that its other side is gone."""
@@ -107,7 +114,8 @@ def thrust_map(model: Vehicle, *, idle: float = IDLE) -> ThrustMap:
     throttle = np.linspace(0.02, 1.0, 50)
     speed = model.limits.rotor_speed_max_rad_s * (idle + (1.0 - idle) * throttle)
     still = np.zeros((len(throttle), 3))
-    force, _ = vehicle.wrench(model, still, still, np.repeat(speed[:, None], model.rotors, axis=1))
+    speeds, around = np.repeat(speed[:, None], model.rotors, axis=1), open_air(len(speed), model.rotors)
+    force, _ = vehicle.wrench(model, still, still, speeds, surroundings=around)
     sags = SAG in model.effects
     sag = {name: model.value(f"{SAG}.{name}") for name in ("reference_v", "sag_per_v")} if sags else {}
     return through(throttle, force[:, 2], **sag)
@@ -264,8 +272,11 @@ def body_of(model: Vehicle, trajectory: Trajectory, *, seed: int, believed: Vehi
 
 
 @contextlib.contextmanager
-def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
+def rehearsing(body: Body, folder: Path | None = None) -> Iterator[tuple[Where, Callable[[], object]]]:
     """Betaflight's SITL in a body, beside us: where to fly, and what waits for its restart.
+
+    Args:
+        folder: where the firmware's files stay; None: nowhere.
 
     Raises:
         UnavailableError: there is no firmware, and it cannot be built here.
@@ -276,7 +287,7 @@ def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
 
     def run() -> None:
         try:
-            body.run()
+            body.run(folder=folder)
         except Exception as error:
             failed.append(error)
             starts.release()
@@ -300,16 +311,38 @@ def rehearsing(body: Body) -> Iterator[tuple[Where, Callable[[], object]]]:
 
 
 def rehearse(
-    model: Vehicle, item: TrajectoryFile, *, seed: int, progress: Progress, cancel: Callable[[], bool]
-) -> tuple[FlightLog, str, float]:
-    """`fly` against Betaflight's SITL; also the touch-down speed, m/s."""
-    body = body_of(model, item.trajectory, seed=seed)
-    with rehearsing(body) as (where, restarted):
+    model: Vehicle, item: TrajectoryFile, *, seed: int, progress: Progress, cancel: Callable[[], bool],
+    flies: Vehicle | None = None, record: Path | None = None,
+) -> tuple[FlightLog, str, float]:  # fmt: skip
+    """`fly` against Betaflight's SITL; also the touch-down speed, m/s.
+
+    Args:
+        flies: the vehicle of the body, where it is another than the one believed in.
+        record: a folder for what other recorders write beside it, its blackbox and the poses (`recorded`).
+    """
+    body = body_of(flies or model, item.trajectory, seed=seed, believed=model)
+    with contextlib.ExitStack() as stack:
+        own = None
+        if record is not None:
+            own = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            body.settings = (*body.settings, BLACKBOX)
+            stack.callback(recorded, record, own, body)
+        where, restarted = stack.enter_context(rehearsing(body, own))
         log, early = fly(model, item, where, progress=progress, cancel=cancel, restarted=restarted)
     told = {"source": "rehearsal on Betaflight's SITL, a simulated body"}
     told |= {"battery": NO_SAG} if SAG in model.effects else {}
     noted = replace(log, metadata={**log.metadata, **told})
     return noted, early, body.fastest_down_m_s
+
+
+def recorded(record: Path, firmware: Path, body: Body) -> None:
+    """What the simulated tracking system has sent, and the firmware's blackbox, as `RECORDED`; old ones stay beside."""
+    record.mkdir(parents=True, exist_ok=True)
+    with outputs.file(record / RECORDED[0], overwrite=True) as poses:
+        poses.write_bytes(b"".join(map(tum_line, body.sent)))
+    for log in firmware.glob("LOG*.BF*"):
+        with outputs.file(record / RECORDED[1], overwrite=True) as blackbox:
+            shutil.copy(log, blackbox)
 
 
 def model_of(vehicle_file: Path | None) -> Vehicle:

@@ -4,6 +4,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -171,7 +172,7 @@ class BetaflightFlyer:
         )  # fmt: skip
 
     def fly(self, file: TrajectoryFile, asked: Asked, told: Told, progress: Progress) -> tuple[FlightLog, str]:
-        work = partial(_fly_betaflight, _fit(self.model_of(), file), file, self.where)
+        work = partial(_flown, offboard.fly, _fit(self.model_of(), file), file, self.where)
         return apart.fly(work, asked, told, progress, self.restarted)
 
 
@@ -193,7 +194,7 @@ class AutopilotFlyer:
         )  # fmt: skip
 
     def fly(self, file: TrajectoryFile, asked: Asked, told: Told, progress: Progress) -> tuple[FlightLog, str]:
-        work = partial(_fly_autopilot, _fit(self.model_of(), file), file, self.where)
+        work = partial(_flown, _armed_by_us, _fit(self.model_of(), file), file, self.where)
         return apart.fly(work, asked, told, progress)
 
 
@@ -228,31 +229,23 @@ class CrazyflieFlyer:
         return _of_course(log, file), early
 
 
-def _fly_betaflight(
-    model: Vehicle, file: TrajectoryFile, where: offboard.Where, asked: Asked, told: Told, progress: Progress,
-    restarted: apart.Restarted,
+def _flown(
+    fly: Callable[..., tuple[FlightLog, str]], model: Vehicle, file: TrajectoryFile, where: offboard.Where,
+    asked: Asked, told: Told, progress: Progress, restarted: apart.Restarted,
 ) -> tuple[FlightLog, str]:  # fmt: skip
-    """An `apart.Work`."""
+    """An `apart.Work`, of `offboard.fly`, or of another that takes the same but for what it does not need."""
     heard = Heard()
-    log, early = offboard.fly(
+    log, early = fly(
         model, file, where, progress=progress, cancel=asked.land.is_set, restarted=restarted,
         tracker=_tracker(file, asked, told, heard), guard=partial(PageGuard, asked=asked, heard=heard),
     )  # fmt: skip
     return _of_course(log, file), early
 
 
-def _fly_autopilot(
-    model: Vehicle, file: TrajectoryFile, where: offboard.Where, asked: Asked, told: Told, progress: Progress,
-    restarted: apart.Restarted,
-) -> tuple[FlightLog, str]:  # fmt: skip
-    """An `apart.Work`."""
+def _armed_by_us(*args: Any, restarted: apart.Restarted, **more: Any) -> tuple[FlightLog, str]:
+    """`autopilot.fly`, armed from the page; it does not start anew."""
     del restarted
-    heard = Heard()
-    log, early = autopilot.fly(
-        model, file, where, arms=True, progress=progress, cancel=asked.land.is_set,
-        tracker=_tracker(file, asked, told, heard), guard=partial(PageGuard, asked=asked, heard=heard),
-    )  # fmt: skip
-    return _of_course(log, file), early
+    return autopilot.fly(*args, arms=True, **more)
 
 
 def _tracker(file: TrajectoryFile, asked: Asked, told: Told, heard: Heard) -> offboard.NewTracker:

@@ -23,13 +23,14 @@ def load(path: Path, columns: Path | None = None) -> FlightLog:
     return in_the_air(log, str(path)) if log.has("mission_state") else log
 
 
-def read(path: Path, columns: Path | None = None, *, imu: Path | None = None) -> FlightLog:
+def read(path: Path, columns: Path | None = None, *, imu: Path | None = None, align: bool = False) -> FlightLog:
     """A log as it is; where its columns were drafted on the spot, the draft is shown.
 
     Args:
         imu: a second file of the same clock, from which the IMU comes.
+        align: of another clock.
     """
-    log = sysid.read_log(path, columns) if imu is None else read_joined(path, imu, columns)
+    log = sysid.read_log(path, columns) if imu is None else read_joined(path, imu, columns, align=align)
     for sentence in log.metadata.get(DRAFTED, ()):
         console.note(f"{path}, drafted {sentence}")
     if DRAFTED in log.metadata:

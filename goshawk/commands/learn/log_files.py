@@ -11,7 +11,7 @@ from goshawk.commands.learn import flights, log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from sysid.logs.checks.payload import PAYLOAD_CARRIED
-from sysid.logs.motors.full_throttle import with_command_speeds
+from sysid.logs.motors.full_throttle import IDLE, with_command_speeds
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 
@@ -50,6 +50,7 @@ def export(
 @click.argument("flight", type=click.Path(path_type=Path), required=False)
 @console.path_option("--pose", "pose", "In place of FLIGHT: the file of the poses ...")
 @console.path_option("--imu", "imu", "... and that of the IMU, stamped by the same clock.")
+@click.option("--align", is_flag=True, help="Two clocks stamped --pose and --imu: align them by how both turn.")
 @console.path_option("--out", "out", "Flight log (.parquet) to write.", required=True)
 @console.columns_option
 @click.option("--full-throttle", "full_rpm", type=float, help="Rotor speed at full throttle, rpm.")
@@ -59,6 +60,7 @@ def bring(
     flight: Path | None,
     pose: Path | None,
     imu: Path | None,
+    align: bool,
     out: Path,
     columns: Path | None,
     full_rpm: float | None,
@@ -71,6 +73,7 @@ def bring(
     goshawk log import flight.ulg --out flight.parquet
     goshawk log import LOG00001.BFL --full-throttle 24000 --out flight.parquet
     goshawk log import --pose poses.tum --imu imu.csv --out flight.parquet
+    goshawk log import --pose poses.tum --imu LOG00001.BFL --align --out flight.parquet
 
     `goshawk log fix` does the same and applies the fixes that its checks propose.
     """
@@ -78,14 +81,16 @@ def bring(
         raise InputError(f"--out {out}: our own format is written; call it {out.stem}.parquet")
     if (flight is None) == (pose is None and imu is None) or (pose is None) != (imu is None):
         raise click.UsageError("give FLIGHT, or both --pose FILE and --imu FILE")
+    if align and imu is None:
+        raise click.UsageError("--align is for --pose FILE and --imu FILE")
     first = flight or pose
     assert first is not None
     for source in (first, imu or first):
         log_outputs.require_others(source, out)
     outputs.check(out, overwrite=overwrite)
-    log = flights.read(first, columns, imu=imu)
+    log = flights.read(first, columns, imu=imu, align=align)
     if full_rpm is not None:
-        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM)
+        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM, idle=float(log.metadata.get(IDLE, 0.0)))
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
     console.show("import", {"rows": len(log), "written": str(out)}, as_json=as_json)

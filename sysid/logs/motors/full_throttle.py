@@ -11,6 +11,8 @@ _EVERY = tuple(f"motor_command_{i}_ratio" for i in range(MOST_ROTORS))
 RATIOS = _EVERY[:4]
 """Of the first four motors."""
 COMMAND = "rotor_speed_command_rad_s"
+IDLE = "idle_ratio"
+"""Of a log's metadata: output at a command of 0, as a share of full; rotors turn in proportion to the output."""
 KEY = "full_throttle_rad_s"
 """Of a log's metadata: the speed that a command of 1 was taken for."""
 
@@ -33,11 +35,14 @@ def by_limit(log: FlightLog, fastest_rad_s: float) -> FlightLog:
     return log if known or not has_ratios(log) else with_command_speeds(log, fastest_rad_s)
 
 
-def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog:
+def with_command_speeds(log: FlightLog, full_throttle_rad_s: float, *, idle: float = 0.0) -> FlightLog:
     """The log with `rotor_speed_command_rad_s`: the share of full throttle times the speed there.
 
     ESCs answer almost in proportion between idle and full throttle. The thrust coefficient that is fitted holds for
     this speed only: 10 % too much of it make the coefficient 17 % too small, and nothing else wrong.
+
+    Args:
+        idle: share of that speed at a command of 0.
 
     Raises:
         InputError: the log has no motor commands, has commanded speeds, or the speed is not positive.
@@ -50,5 +55,5 @@ def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog
         raise InputError("the log has commanded rotor speeds already; give no full throttle")
     shares = np.stack([log.columns[name] for name in ratios(log)], axis=1)
     names = rotor_columns(COMMAND, shares.shape[1])
-    added = dict(zip(names, (full_throttle_rad_s * shares).T, strict=True))
+    added = dict(zip(names, (full_throttle_rad_s * (idle + (1.0 - idle) * shares)).T, strict=True))
     return FlightLog({**log.columns, **added}, {**log.metadata, KEY: full_throttle_rad_s})

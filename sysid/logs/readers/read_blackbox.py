@@ -17,7 +17,7 @@ from flight import FlightLog, FormatError, frames, rotations
 from flight.flight_log import MOST_ROTORS
 from flight.rotations import FloatArray
 from flight.units import RAD_S_PER_RPM
-from sysid.logs.motors import rotor_places
+from sysid.logs.motors import full_throttle, rotor_places
 from sysid.logs.readers import blackbox
 from sysid.logs.readers.assemble import assembled, columns
 from sysid.logs.readers.blackbox import Recorded
@@ -28,6 +28,8 @@ LARGEST_NUMBER = 32767.0
 """One, in the log's quaternions."""
 TWO_LAGS_SINCE = (4, 3)
 """Betaflight's version from which on its accelerometer has them."""
+DIGITAL_FROM, ANALOGUE_FROM = 48.0, 1000.0
+"""Outputs at which a rotor stands."""
 NO_POSITION = "no position in it: body rates and torques can be identified, drag and the thrust's size in flight cannot"
 
 
@@ -63,7 +65,8 @@ def read(path: Path) -> FlightLog:
     log = assembled(path, streams, notes, recorded.lost)
     if "motor[4]" not in recorded.fields:  # else it is of another mixer
         log = rotor_places.with_places(log, rotor_places.BETAFLIGHT)
-    return log if through is None else FlightLog(log.columns, {**log.metadata, **through.metadata()})
+    told = {full_throttle.IDLE: _idle(*_range(recorded))} | (through.metadata() if through is not None else {})
+    return FlightLog(log.columns, {**log.metadata, **told})
 
 
 def _unwrapped(stamp_us: NDArray[np.int64]) -> FloatArray:
@@ -198,6 +201,12 @@ def _range(recorded: Recorded) -> tuple[float, float]:
         return float(words[0]), float(words[1])
     except (ValueError, IndexError):
         return _setting(recorded, "minthrottle", 1000.0), _setting(recorded, "maxthrottle", 2000.0)
+
+
+def _idle(low: float, high: float) -> float:
+    """Share of full output at idle; DShot counts from 48, pulses from 1000 us."""
+    least = ANALOGUE_FROM if low >= ANALOGUE_FROM else DIGITAL_FROM
+    return max(low - least, 0.0) / (high - least) if high > max(low, least) else 0.0
 
 
 def _battery(recorded: Recorded) -> Iterator[tuple[str, Stream, str]]:

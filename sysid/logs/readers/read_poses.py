@@ -6,10 +6,10 @@ import numpy as np
 
 from flight import FlightLog, FormatError, InputError
 from flight.rotations import FloatArray
-from sysid.logs.motors import rotor_places
+from sysid.logs.motors import full_throttle, rotor_places
 from sysid.logs.readers.assemble import ATTITUDE, FORCE, POSE, RATE, assembled, columns
 from sysid.logs.readers.streams import Stream
-from sysid.logs.sensors import low_pass
+from sysid.logs.sensors import common_turning, low_pass
 
 TUM_COLUMNS = 8
 _POSES = ("state_groundtruth_estimate0", "groundtruth", "mocap0", "vicon0", "leica0")
@@ -85,11 +85,14 @@ def _sensors(folder: Path) -> Path | None:
     return None
 
 
-def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog) -> FlightLog:
+def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog, *, align: bool = False) -> FlightLog:
     """One log of a pose and an IMU that were recorded to two files by one clock.
 
+    Args:
+        align: by two clocks; their offset is found by how both saw the vehicle turn.
+
     Raises:
-        InputError: one lacks what it should hold, or the clocks share no time.
+        InputError: one lacks what it should hold, the clocks share no time, or their offset does not show.
     """
     own = {name: values for name, values in pose.columns.items() if name.startswith((*_MOTION, "time_s"))}
     rest = {name: values for name, values in imu.columns.items() if not name.startswith(_MOTION)}
@@ -99,17 +102,48 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog) -> FlightLog:
         raise InputError(
             f"{imu.metadata.get('source')} has no gyro nor accelerometer; it has {', '.join(sorted(rest))}"
         )
+    told = []
+    if align:
+        later_s = _offset_s(path, pose, imu)
+        rest["time_s"] = imu.time_s + later_s
+        imu = FlightLog(rest, imu.metadata)
+        told = [f"clocks: {later_s:+.4f} s were added to the IMU's, by how both saw the vehicle turn"]
     begins, ends = (pose.time_s[0], imu.time_s[0]), (pose.time_s[-1], imu.time_s[-1])
     if max(begins) >= min(ends):
         raise InputError(
             f"{path}: the pose lasts from {begins[0]:.3f} to {ends[0]:.3f} s, the IMU from {begins[1]:.3f} to "
-            f"{ends[1]:.3f} s: they share no time. Give both in one clock (unit or scale in a column map)"
+            f"{ends[1]:.3f} s: they share no time. Give both in one clock (unit or scale in a column map), or --align"
         )
-    streams: dict[str, Stream] = {POSE: own, RATE: rest}
-    notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}"]
+    streams: dict[str, Stream] = {POSE: own, RATE: _averaged(rest, float(np.median(np.diff(own["time_s"]))))}
+    notes = [f"pose: {pose.metadata.get('source')}", f"IMU: {imu.metadata.get('source')}", *told]
     log = assembled(path, streams, notes)
-    of_imu = {key: imu.metadata[key] for key in (rotor_places.KEY, low_pass.KEY) if key in imu.metadata}
+    of_imu = {
+        key: imu.metadata[key] for key in (rotor_places.KEY, low_pass.KEY, full_throttle.IDLE) if key in imu.metadata
+    }
     return FlightLog(log.columns, {**log.metadata, **of_imu})
+
+
+def _averaged(stream: Stream, period_s: float) -> Stream:
+    """Over a period of the poses, at whose instants it is read: what is faster would come back as slow noise."""
+    rows = 2 * int(0.5 * period_s / float(np.median(np.diff(stream["time_s"])))) + 1
+    if rows == 1:
+        return stream
+    half, ones = rows // 2, np.full(rows, 1.0 / rows)
+
+    def mean(values: FloatArray) -> FloatArray:
+        """The ends, which have rows on one side only, as they are."""
+        inner = np.convolve(values, ones, "valid")
+        return np.concatenate([values[:half], inner, values[len(values) - half :]])
+
+    return {name: values if name == "time_s" else mean(values) for name, values in stream.items()}
+
+
+def _offset_s(path: Path, pose: FlightLog, imu: FlightLog) -> float:
+    if not pose.has(ATTITUDE) or not imu.has(RATE):
+        raise InputError(f"{path}: clocks are aligned by attitudes of the pose and rates of the gyro; one is missing")
+    by_pose, by_gyro = pose.vector(ATTITUDE), imu.vector(RATE)
+    posed, felt = np.isfinite(by_pose).all(axis=1), np.isfinite(by_gyro).all(axis=1)
+    return common_turning.offset_s(pose.time_s[posed], by_pose[posed], imu.time_s[felt], by_gyro[felt])
 
 
 def _is_number(word: str) -> bool:

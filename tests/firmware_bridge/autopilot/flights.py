@@ -14,21 +14,22 @@ from tests.firmware_bridge.autopilot.simulated_autopilot import IDLE, SimulatedA
 MODEL = vehicle.example("rigter2019")
 
 
-def hover_thrust(kind: str) -> float:
+def hover_thrust(kind: str, model: vehicle.Vehicle = MODEL) -> float:
     """What a pilot would have found."""
-    weight_n = MODEL.mass_kg * MODEL.gravity_m_s2
+    weight_n = model.mass_kg * model.gravity_m_s2
     if kind == "px4":
-        return offboard.thrust_map(MODEL, idle=IDLE).throttle(weight_n)
-    return weight_n / offboard.thrust_map(MODEL, idle=IDLE).force_n(1.0)
+        return offboard.thrust_map(model, idle=IDLE).throttle(weight_n)
+    return weight_n / offboard.thrust_map(model, idle=IDLE).force_n(1.0)
 
 
-def simulated(way: Trajectory, kind: str = "px4", **more) -> SimulatedAutopilot:
+def simulated(way: Trajectory, kind: str = "px4", *, model: vehicle.Vehicle = MODEL, **more) -> SimulatedAutopilot:
     """On the ground below the start, set up well but for `more`."""
     start = way.position([0.0])[0]
     name = {"px4": "MPC_THR_HOVER", "ardupilot": "MOT_THST_HOVER"}[kind]
-    parameters = {name: hover_thrust(kind)} | more.pop("parameters", {})
-    state = vehicle.simulate.State(position_world_m=np.array([start[0], start[1], 0.0]))
-    plant = vehicle.simulate.Plant(MODEL, state, rng=np.random.default_rng(1), ground_m=0.0)
+    parameters = {name: hover_thrust(kind, model)} | more.pop("parameters", {})
+    still = np.zeros(model.rotors)
+    state = vehicle.simulate.State(position_world_m=np.array([start[0], start[1], 0.0]), rotor_speed_rad_s=still)
+    plant = vehicle.simulate.Plant(model, state, rng=np.random.default_rng(1), ground_m=0.0)
     return SimulatedAutopilot(plant, kind, parameters, **more)
 
 
@@ -60,7 +61,8 @@ def fly(
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
     flown = Flown()
     try:
-        flown.log, flown.early = autopilot.fly(MODEL, file, where, arms=arms, progress=progress, cancel=cancel)
+        model = simulation.plant.vehicle
+        flown.log, flown.early = autopilot.fly(model, file, where, arms=arms, progress=progress, cancel=cancel)
     except FlightError as error:
         flown.error = str(error)
     simulation.given_up = True

@@ -21,6 +21,7 @@ import vehicle
 from firmware_bridge.offboard import clock
 from firmware_bridge.offboard.poses import Pose, tum_line
 from flight import rotations
+from tests.firmware_bridge.autopilot.simulated_loops import SimulatedPositionLoops
 
 STEP_S = 2e-3
 IDLE = 0.03
@@ -66,6 +67,10 @@ class SimulatedAutopilot:
     visions: list[tuple[float, float, float]] = field(default_factory=list)
     """x, y, z of VISION_POSITION_ESTIMATE."""
     setpoints: int = 0
+    targets: int = 0
+    """SET_POSITION_TARGET_LOCAL_NED that came."""
+    estimate_off_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    """Of its own estimate from the poses' frame, z up."""
 
     def __post_init__(self) -> None:
         self.parameters = PARAMETERS[self.kind] | self.parameters
@@ -83,6 +88,8 @@ class SimulatedAutopilot:
         self._due: dict[int, float] = {}
         self._rates_flu, self._thrust, self._setpoint_s, self._gcs_s = np.zeros(3), 0.0, -np.inf, -np.inf
         self._integral, self._ground_s, self._still_s = np.zeros(3), 0.0, 0.0
+        self._target: mavlink.MAVLink_set_position_target_local_ned_message | None = None
+        self._loops = SimulatedPositionLoops(self.plant.vehicle)
         self._rng = np.random.default_rng(self.seed)
         self._mix()
 
@@ -100,11 +107,12 @@ class SimulatedAutopilot:
             force, torque = vehicle.wrench(model, np.zeros((1, 3)), np.zeros((1, 3)), np.sqrt(squared)[None, :])
             return np.concatenate([force[0, 2:], torque[0]])
 
-        hover = np.full(4, (0.5 * full) ** 2)
+        rotors = model.rotors
+        hover = np.full(rotors, (0.5 * full) ** 2)
         step = 1e-3 * hover[0]
-        columns = [(wrench(hover + step * np.eye(4)[i]) - wrench(hover)) / step for i in range(4)]
-        self._squared = np.linalg.inv(np.array(columns).T)
-        self._full_n = float(wrench(np.full(4, full**2))[0])
+        columns = [(wrench(hover + step * np.eye(rotors)[i]) - wrench(hover)) / step for i in range(rotors)]
+        self._squared = np.linalg.pinv(np.array(columns).T)
+        self._full_n = float(wrench(np.full(rotors, full**2))[0])
         self._inertia = np.diag([model.value(f"inertia_{axis}_kg_m2") for axis in ("xx", "yy", "zz")])
 
     # the line
@@ -154,6 +162,14 @@ class SimulatedAutopilot:
         self.setpoints += 1
         frd = np.array([message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate])
         self._rates_flu, self._thrust, self._setpoint_s = FLIP * frd, float(message.thrust), self.time_s
+        self._target = None
+
+    def _on_set_position_target_local_ned(self, message: mavlink.MAVLink_set_position_target_local_ned_message) -> None:
+        assert (message.target_system, message.coordinate_frame, message.type_mask) == (
+            1, mavlink.MAV_FRAME_LOCAL_NED, 0
+        )  # fmt: skip
+        self.targets += 1
+        self._target, self._setpoint_s, self._thrust = message, self.time_s, 0.5
 
     def _on_command_long(self, message: mavlink.MAVLink_command_long_message) -> None:
         done = mavlink.MAV_RESULT_ACCEPTED
@@ -219,6 +235,9 @@ class SimulatedAutopilot:
         """Body rates and force."""
         timed_out = self.time_s - self._setpoint_s > self.parameters.get("GUID_TIMEOUT", np.inf)
         if self.follows and not timed_out:
+            if self._target is not None:
+                return self._loops.rates_and_force(self.plant, self.estimate_off_m, self._target)
+            self._loops.reset()
             return self._rates_flu, self._force_n(self._thrust)
         climb_m_s = -0.7 if self.mode in (PX4_LAND, LAND) else 0.0
         up = rotations.matrix(self.plant.q_world_body)[2]
@@ -235,14 +254,14 @@ class SimulatedAutopilot:
     def _rotor_speeds(self) -> np.ndarray:
         if not self.armed:
             self._integral[:] = 0.0
-            return np.zeros(4)
+            return np.zeros(self.plant.vehicle.rotors)
         rates, force_n = self._asked_for()
         if self.follows and self._thrust <= 0.0:
-            return np.full(4, IDLE * self.full_rad_s)
+            return np.full(self.plant.vehicle.rotors, IDLE * self.full_rad_s)
         rate = self.plant.rate_body_rad_s
         self._integral += 2.0 * (rates - rate) * STEP_S
         torque = self._inertia @ (25.0 * (rates - rate) + self._integral) + np.cross(rate, self._inertia @ rate)
-        collective = np.full(4, max(force_n, 0.0) / self._full_n * self.full_rad_s**2)
+        collective = np.full(len(self._squared), max(force_n, 0.0) / self._full_n * self.full_rad_s**2)
         squared = collective + self._squared @ np.array([0.0, *torque])
         return np.sqrt(np.clip(squared, (IDLE * self.full_rad_s) ** 2, self.full_rad_s**2))
 
@@ -316,17 +335,18 @@ class SimulatedAutopilot:
         ids = mavlink
         if message_id == ids.MAVLINK_MSG_ID_HEARTBEAT:
             autopilot = ids.MAV_AUTOPILOT_PX4 if self.kind == "px4" else ids.MAV_AUTOPILOT_ARDUPILOTMEGA
-            return m.heartbeat_encode(ids.MAV_TYPE_QUADROTOR, autopilot, 1 | (128 if self.armed else 0), self.mode, 4)
+            kind = {4: ids.MAV_TYPE_QUADROTOR, 6: ids.MAV_TYPE_HEXAROTOR}[plant.vehicle.rotors]
+            return m.heartbeat_encode(kind, autopilot, 1 | (128 if self.armed else 0), self.mode, 4)
         if message_id == ids.MAVLINK_MSG_ID_ATTITUDE_QUATERNION:
             w, x, y, z = plant.q_world_body
             return m.attitude_quaternion_encode(ms, w, x, -y, -z, *(FLIP * plant.rate_body_rad_s))
         if message_id == ids.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
             noise_m = 0.02 * float(self._rng.standard_normal())
-            place = FLIP * plant.position_world_m + np.array([0.0, 0.0, noise_m])
+            place = FLIP * (plant.position_world_m + self.estimate_off_m) + np.array([0.0, 0.0, noise_m])
             return m.local_position_ned_encode(ms, *place, *(FLIP * plant.velocity_world_m_s))
         if message_id == ids.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
             us = np.rint(1000.0 + 1000.0 * plant.rotor_speed_rad_s / self.full_rad_s).astype(int)
-            return m.servo_output_raw_encode(ms, 0, *us.tolist(), 0, 0, 0, 0)
+            return m.servo_output_raw_encode(ms, 0, *us.tolist(), *[0] * (8 - len(us)))
         if message_id == ids.MAVLINK_MSG_ID_SYS_STATUS:
             bit = ids.MAV_SYS_STATUS_PREARM_CHECK
             return m.sys_status_encode(bit, bit, 0 if self.prearm else bit, 0, 16200, -1, -1, 0, 0, 0, 0, 0, 0)

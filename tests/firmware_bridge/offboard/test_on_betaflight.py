@@ -63,6 +63,18 @@ def test_a_plan_that_was_not_checked_is_not_flown(documented, folder):
     assert "has not passed the final gate" in done.stderr
 
 
+def test_a_body_and_recordings_are_for_a_rehearsal_and_nothing_is_written_over(folder):
+    done = run(folder, "goshawk fly walk.json --body vehicle.toml --record kept --out flown.parquet")
+    assert done.returncode == 2
+    assert "--body and --record are for --rehearse" in done.stderr
+    (folder / "kept").mkdir()
+    (folder / "kept" / "poses.tum").write_text("older")
+    done = run(folder, "goshawk fly walk.json --rehearse --vehicle vehicle.toml --record kept --out flown.parquet")
+    assert done.returncode == 2
+    assert "poses.tum" in done.stderr
+    assert (folder / "kept" / "poses.tum").read_text() == "older"
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("_betaflight")
 @pytest.mark.parametrize("kind", ["kill", "kill and pose lost", "pose jump", "low battery", "link lost"])

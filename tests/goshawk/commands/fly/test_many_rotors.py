@@ -32,6 +32,12 @@ def made(frame: str, lean_rad: float = 0.0) -> vehicle.Vehicle:
     return draft.draft(known)
 
 
+def test_the_thrust_map_is_of_rotors_at_steady_speed():
+    plain = made("x")
+    heavy = plain.with_effect("rotor_acceleration_torque", rotor_inertia_kg_m2=1e-4)
+    assert offboard.thrust_map(heavy) == offboard.thrust_map(plain)
+
+
 @pytest.mark.parametrize("frame", ["hex", "octo", "y6"])
 def test_four_equivalent_rotors_give_the_same_force_at_the_same_speed_in_flight(frame):
     drone = made(frame).with_effect("rotor_drag_speed", drag_kg=1e-4).with_effect("inflow_linear", inflow_kg=2e-4)

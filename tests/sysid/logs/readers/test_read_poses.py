@@ -80,6 +80,30 @@ def test_two_files_are_joined_on_their_clocks(tmp_path):
     np.testing.assert_allclose(log.columns["rate_body_x_rad_s"][known], np.cos(log.time_s[known] - 0.5), atol=1e-4)
 
 
+def test_two_clocks_are_aligned_and_what_is_faster_than_the_poses_is_averaged(tmp_path):
+    """A gyro at 2 kHz, on a clock of its own, with a ripple that would fold into the poses."""
+    time_s, fine_s = 0.01 * np.arange(1500), 0.0005 * np.arange(26000)
+    turned = np.cumsum(np.sin(0.4 * time_s**1.6)) * 0.01
+    q = np.column_stack([np.cos(0.5 * turned), 0 * turned, 0 * turned, np.sin(0.5 * turned)])
+    pose = FlightLog(
+        {"time_s": time_s, **dict.fromkeys(COLUMNS["position_world_m"], turned),
+         **dict(zip(COLUMNS["q_world_body"], q.T, strict=True))}, {"source": "poses.tum"},
+    )  # fmt: skip
+    rate = np.sin(0.4 * (fine_s + 1.0) ** 1.6) + 0.5 * np.cos(2.0 * np.pi * 100.0 * (fine_s + 1.0))
+    motors = {f"motor_command_{i}_ratio": 0.5 + 0.1 * np.cos(2.0 * np.pi * 100.0 * fine_s) for i in range(4)}
+    gyro = dict(zip(COLUMNS["rate_body_rad_s"], (0 * rate, 0 * rate, rate), strict=True))
+    imu = FlightLog({"time_s": fine_s - 7.0, **gyro, **motors}, {"source": "LOG.BFL"})
+    with pytest.raises(InputError, match="no gyro"):
+        joined_on_clocks(tmp_path, pose, FlightLog({"time_s": fine_s, **motors}, {}), align=True)
+    log = joined_on_clocks(tmp_path, pose, imu, align=True)
+    inside = (log.time_s > 1.5) & (log.time_s < 13.5)
+    np.testing.assert_allclose(
+        log.columns["rate_body_z_rad_s"][inside], np.sin(0.4 * log.time_s[inside] ** 1.6), atol=0.05
+    )
+    np.testing.assert_allclose(log.columns["motor_command_0_ratio"][inside], 0.5, atol=0.01)
+    assert "+8.0" in str(log.metadata["read"]) or "+7.99" in str(log.metadata["read"])
+
+
 def test_what_a_firmware_tells_of_its_motors_is_kept_where_a_pose_is_joined(tmp_path):
     imu_columns = {name: np.cos(TIME_S) for name in COLUMNS["rate_body_rad_s"]}
     imu_columns["time_s"] = START_NS * 1e-9 + TIME_S
