@@ -5,6 +5,7 @@ time later, with what else may turn the body beside it, and the time is stepped 
 The estimator finds the same delays more exactly, with the whole motion; here it has to take no time.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -174,12 +175,13 @@ def _in_driven_band(values: FloatArray) -> FloatArray:
     return np.asarray(sosfiltfilt(butter(3, DRIVEN_HZ, "band", fs=1.0 / GRID_S, output="sos"), values, axis=0))
 
 
-def read_later(values: FloatArray, delay_s: float | FloatArray) -> FloatArray:
-    """(n, c) on the grid, as they are this much (or each by its own, (n,)) later; held at the ends."""
+def reader(values: FloatArray) -> Callable[[float | FloatArray], FloatArray]:
+    """Reads (n, c) on the grid as they are by a delay later, in s, or each by its own, (n,); held at the ends."""
     from scipy.interpolate import CubicSpline
 
     time_s = GRID_S * np.arange(len(values))
-    return CubicSpline(time_s, values)(np.clip(time_s + delay_s, 0.0, time_s[-1]))
+    spline = CubicSpline(time_s, values)
+    return lambda delay_s: spline(np.clip(time_s + delay_s, 0.0, time_s[-1]))
 
 
 def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | None = None) -> Offset:
@@ -197,16 +199,16 @@ def clock_offset(reference: FloatArray, other: FloatArray, beside: FloatArray | 
     delay_s, quality = largest_correlation(freed(reference, more), freed(other, more))
     if abs(delay_s) >= LONGEST_S or n <= 4 * edge:
         return Offset(0.0, np.inf, quality)
-    sigma_s = np.inf
+    sigma_s, read = np.inf, reader(other)
     for _ in range(STEPS):
-        pull, weight, quality = terms(reference, read_later(other, delay_s), more, inner)
+        pull, weight, quality = terms(reference, read(delay_s), more, inner)
         information = float(weight.sum())
         if information <= 0.0:
             return Offset(0.0, np.inf, quality)
         delay_s = float(np.clip(delay_s + pull.sum() / information, -LONGEST_S, LONGEST_S))
         blocks = np.add.reduceat(pull, np.arange(0, len(pull), round(BLOCK_S / GRID_S)))
         sigma_s = float(np.sqrt((blocks**2).sum())) / information
-    left = _left(read_later(other, delay_s), more, inner)
+    left = _left(read(delay_s), more, inner)
     return Offset(delay_s, float(np.hypot(sigma_s, SYSTEMATIC_S / left)) if left > LEAST_LEFT else np.inf, quality)
 
 
@@ -242,7 +244,7 @@ def terms(
 def freed(values: FloatArray, beside: FloatArray) -> FloatArray:
     """(n, c) less what means and `beside` (n, c, b) explain, channel by channel."""
     left = values - values.mean(axis=0)
-    for i in range(values.shape[1]):
+    for i in range(values.shape[1] if beside.shape[2] else 0):
         given = beside[:, i] - beside[:, i].mean(axis=0)
         left[:, i] -= given @ np.linalg.lstsq(given, left[:, i])[0]
     return left

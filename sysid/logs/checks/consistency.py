@@ -114,7 +114,7 @@ def _gyro(log: FlightLog, motion: Kinematics) -> tuple[list[Finding], list[str]]
     logged = on_grid(log, "rate_body_rad_s", motion.time_s)
     offset = gyro_clock.after_attitude(log, motion)
     found, inconclusive = gyro_clock.findings(offset, gyro_clock.compared_plainly(log, motion))
-    matrix = _regression(motion.rate_body_rad_s, clocks.read_later(logged, offset.delay_s))
+    matrix = _regression(motion.rate_body_rad_s, clocks.reader(logged)(offset.delay_s))
     for i, axis in enumerate("xyz"):
         if np.std(motion.rate_body_rad_s[:, i]) < LEAST_RATE_RAD_S:
             continue

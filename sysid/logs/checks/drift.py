@@ -60,7 +60,7 @@ def check(log: FlightLog, motion: Kinematics, vehicle: Vehicle | None) -> list[F
         return []
     attitude, gyro = motion.rate_body_rad_s, on_grid(log, "rate_body_rad_s", motion.time_s)
     line = grown(attitude, gyro)
-    later = clocks.read_later(gyro, line.at(len(gyro)))
+    later = clocks.reader(gyro)(line.at(len(gyro)))
     if abs(line.growth_s) <= max(LEAST_S, SIGMAS * line.sigma_s):
         return []
     if correlation(attitude.ravel(), later.ravel()) <= LEAST_QUALITY:
@@ -77,9 +77,9 @@ def _rotors_follow(log: FlightLog, motion: Kinematics, vehicle: Vehicle, line: L
 
     def drifts(streams: clocks.Streams, other: Line) -> bool:
         turning, driven, beside = streams
-        reference, count = clocks.freed(turning, beside), len(turning)
+        reference, count, read = clocks.freed(turning, beside), len(turning), clocks.reader(driven)
         with_one, with_line = (
-            clocks.largest_correlation(reference, clocks.freed(clocks.read_later(driven, late_s), beside))[1]
+            clocks.largest_correlation(reference, clocks.freed(read(late_s), beside))[1]
             for late_s in (np.full(count, other.middle_s), other.at(count))
         )
         return with_line > with_one
@@ -94,13 +94,13 @@ def grown(attitude: FloatArray, gyro: FloatArray) -> Line:
 
     By what earlier readings predict (`gyro_clock`); where they predict too little, plainly, and less surely.
     """
-    begun, nothing = _by_windows(attitude, gyro), np.zeros((len(gyro), 3, 0))
+    begun, nothing, read = _by_windows(attitude, gyro), np.zeros((len(gyro), 3, 0)), clocks.reader(gyro)
 
     def predicted(late_s: FloatArray) -> tuple[FloatArray, FloatArray, slice]:
-        return gyro_clock.terms(attitude, clocks.read_later(gyro, late_s))
+        return gyro_clock.terms(attitude, read(late_s))
 
     def plain(late_s: FloatArray) -> tuple[FloatArray, FloatArray, slice]:
-        return *clocks.terms(attitude, clocks.read_later(gyro, late_s), nothing)[:2], slice(None)
+        return *clocks.terms(attitude, read(late_s), nothing)[:2], slice(None)
 
     line = _refined(begun, len(gyro), predicted)
     if np.isfinite(line.sigma_s):
@@ -132,12 +132,12 @@ def _refined(line: Line, count: int, terms: Terms) -> Line:
 
 def _by_windows(reference: FloatArray, other: FloatArray) -> Line:
     """By the lag of the largest correlation in each window; the line is the median of those through two of them."""
-    line, share = Line(0.0, 0.0), _share(len(reference))
+    line, share, read = Line(0.0, 0.0), _share(len(reference)), clocks.reader(other)
     count = int(np.clip(len(reference) * GRID_S / WINDOW_S, 2, MOST_WINDOWS))
     edges = np.linspace(0, len(reference), count + 1).astype(int)
     windows = [slice(a, b) for a, b in pairwise(edges)]
     for _ in range(ROUNDS):
-        later = clocks.read_later(other, line.at(len(other)))
+        later = read(line.at(len(other)))
         lags = [clocks.largest_correlation(reference[one], later[one]) for one in windows]
         counts = [k for k, (_, quality) in enumerate(lags) if quality > WINDOW_QUALITY]
         if len(counts) < 2:

@@ -14,7 +14,7 @@ import numpy as np
 from flight import FlightLog
 from flight.flight_log import COLUMNS
 from flight.rotations import FloatArray
-from sysid.logs.checks.clocks import BLOCK_S, LONGEST_S, STEPS, SYSTEMATIC_S, Offset, clock_offset, read_later
+from sysid.logs.checks.clocks import BLOCK_S, LONGEST_S, STEPS, SYSTEMATIC_S, Offset, clock_offset, reader
 from sysid.logs.checks.finding import Finding, warning
 from sysid.logs.checks.motion import GRID_S, WINDOW, Kinematics, correlation, on_grid
 from sysid.logs.events.repair import Repair
@@ -85,13 +85,13 @@ def after_attitude(log: FlightLog, motion: Kinematics) -> Offset:
     plain = replace(plain, sigma_s=float(np.hypot(plain.sigma_s, slow_s)))
     if not np.isfinite(plain.sigma_s) or len(attitude) < 8 * EARLIER[-1]:
         return Offset(0.0, np.inf, plain.quality)
-    delay_s, sigma_s = plain.delay_s, np.inf
+    delay_s, sigma_s, read = plain.delay_s, np.inf, reader(gyro)
     for _ in range(STEPS):
-        step_s, sigma_s = _left(attitude, read_later(gyro, delay_s))
+        step_s, sigma_s = _left(attitude, read(delay_s))
         delay_s = float(np.clip(delay_s + step_s, -LONGEST_S, LONGEST_S))
     if not sigma_s <= CLOSED_LOOP_S:
         return replace(plain, sigma_s=float(np.hypot(plain.sigma_s, CLOSED_LOOP_S)))
-    quality = correlation(attitude.ravel(), read_later(gyro, delay_s).ravel())
+    quality = correlation(attitude.ravel(), read(delay_s).ravel())
     return Offset(delay_s, float(np.hypot(sigma_s, np.hypot(slow_s, SYSTEMATIC_S))), quality)
 
 

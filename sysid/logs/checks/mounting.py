@@ -170,7 +170,8 @@ def _turn(rate: FloatArray, gyro: FloatArray) -> FloatArray:
 
 def _later(gyro: FloatArray, delay_s: float, edge: int) -> list[FloatArray]:
     """The gyro read about this much later, in tenths of the grid's step, without its ends."""
-    return [clocks.read_later(gyro, delay_s + part * GRID_S)[edge:-edge] for part in np.linspace(-0.5, 0.5, 11)]
+    read = clocks.reader(gyro)
+    return [read(delay_s + part * GRID_S)[edge:-edge] for part in np.linspace(-0.5, 0.5, 11)]
 
 
 def _turned_correlation(rate: FloatArray, gyro: FloatArray) -> float:

@@ -377,7 +377,8 @@ def _turns(spectra: Spectra) -> bool:
 def _roll_and_pitch(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> tuple[Gains, Gains]:
     every = 1 if most_windows is None else max(len(spectra.turning) // most_windows, 1)
     squared, turning = spectra.advanced(delay_s)[::every], spectra.turning[::every]
-    return _gains(squared, turning[..., 0]), _gains(squared, turning[..., 1])
+    roll, pitch = _gains(squared, turning[..., :2])
+    return roll, pitch
 
 
 def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> Gains:
@@ -389,7 +390,7 @@ def _yaw(spectra: Spectra, delay_s: float, most_windows: int | None = None) -> G
     coupling = spectra.coupling[::every]
     power = max(float((np.abs(coupling) ** 2).sum()), np.finfo(float).tiny)
     columns = columns - coupling[..., None] * (np.einsum("wf,wfi->i", coupling.conj(), columns).real / power)
-    return _gains(columns[..., :-1], columns[..., -1])
+    return _gains(columns[..., :-1], columns[..., -1:])[0]
 
 
 def _order(roll: Gains, pitch: Gains, vehicle: Vehicle) -> tuple[int, ...] | None:
@@ -469,22 +470,25 @@ def _gap(time_s: FloatArray, start_s: float, length_s: float) -> bool:
     return len(inside) < 2 or float(np.diff(np.r_[start_s, inside, start_s + length_s]).max()) > LARGEST_GAP_S
 
 
-def _gains(regressors: ComplexArray, acceleration: ComplexArray) -> Gains:
-    """Real gains by least squares over all windows and frequencies.
+def _gains(regressors: ComplexArray, accelerations: ComplexArray) -> list[Gains]:
+    """Real gains by least squares over all windows and frequencies, axis by axis.
 
     Args:
         regressors: (w, f, m) spectra.
-        acceleration: (w, f) spectra.
+        accelerations: (w, f, c) spectra, of c axes.
     """
-    parts = np.concatenate([regressors.real, regressors.imag], axis=1)  # (w, 2 f, m)
-    wanted = np.concatenate([acceleration.real, acceleration.imag], axis=1)
+    parts, wanted = (np.concatenate([x.real, x.imag], axis=1) for x in (regressors, accelerations))  # (w, 2 f, ...)
     rows = parts.reshape(-1, parts.shape[2])
     normal = rows.T @ rows
-    value = np.asarray(np.linalg.solve(normal, rows.T @ wanted.ravel()), dtype=np.float64)
-    left = wanted - parts @ value
-    pulls = (left[:, None] @ parts)[:, 0]
-    squares = float(np.vdot(left, left))
-    variance = squares / max(left.size - len(value), 1)
-    scatter = float(np.trace(np.linalg.solve(normal, pulls.T @ pulls))) / (len(value) * variance)
-    share = 1.0 - squares / float(np.vdot(wanted, wanted))
-    return Gains(value, normal / (variance * max(1.0, scatter)), share)
+    values = np.linalg.solve(normal, rows.T @ wanted.reshape(len(rows), -1))
+    left = wanted - parts @ values
+    pulls = left.swapaxes(1, 2) @ parts  # (w, c, m)
+    found: list[Gains] = []
+    for i, value in enumerate(values.T):
+        squares = float(np.sum(left[..., i] ** 2))
+        variance = squares / max(len(rows) - len(value), 1)
+        own = pulls[:, i]
+        scatter = float(np.trace(np.linalg.solve(normal, own.T @ own))) / (len(value) * variance)
+        share = 1.0 - squares / float(np.sum(wanted[..., i] ** 2))
+        found.append(Gains(value, normal / (variance * max(1.0, scatter)), share))
+    return found
