@@ -1,10 +1,9 @@
-"""An autopilot as the guard's inner loop: set-points go out, its state and its refusals come in."""
+"""An autopilot as the guard's inner loop: SET_ATTITUDE_TARGET goes out, its state and its refusals come in."""
 
 from collections import deque
 
 import numpy as np
 
-from firmware_bridge.autopilot.agreed_frame import AgreedFrame
 from firmware_bridge.autopilot.euler import roll_pitch_yaw
 from firmware_bridge.autopilot.flavour import ARM_DISARM, DO_SET_MODE, SET_MESSAGE_INTERVAL, refusal
 from firmware_bridge.autopilot.line import MavlinkLine
@@ -14,7 +13,6 @@ from firmware_bridge.dialect.generated.autopilot_messages import (
     CurrentMode,
     ServoOutputRaw,
     SetAttitudeTarget,
-    SetPositionTargetLocalNed,
     VisionPositionEstimate,
 )
 from firmware_bridge.dialect.generated.messages import (
@@ -30,14 +28,11 @@ from firmware_bridge.dialect.generated.messages import (
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.offboard.firmware import Alert, FirmwareState
 from firmware_bridge.offboard.ladder import Stage
-from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.poses import Pose
 from flight import FloatArray, frames
 
 RATES_AND_THRUST = 128
 """SET_ATTITUDE_TARGET's type mask: the attitude is not looked at."""
-EVERYTHING, LOCAL_NED = 0, 1
-"""SET_POSITION_TARGET_LOCAL_NED's type mask and frame."""
 CUSTOM_MODE = 1.0
 HEARTBEAT_S, ASK_S, ARM_S, VISION_S = 1.0, 1.0, 0.5, 1.0 / 30.0
 INTERVALS_HZ = {
@@ -62,16 +57,8 @@ class Autopilot:
     pilot_arms = True
     """Whoever arms it, its own checks decide when it disarms."""
 
-    def __init__(
-        self, setup: AutopilotSetup, line: MavlinkLine, *, vision: bool = False, position: bool = False
-    ) -> None:
-        """
-        Args:
-            vision: pass poses on to its estimator.
-            position: tell it where to be, on the way of a plan, while its estimate agrees with the poses.
-        """
-        self._setup, self._line, self._vision, self._position = setup, line, vision, position
-        self._agrees = AgreedFrame()
+    def __init__(self, setup: AutopilotSetup, line: MavlinkLine, *, vision: bool = False) -> None:
+        self._setup, self._line, self._vision = setup, line, vision
         self.state = FirmwareState()
         self._mode = -1
         self._came_s: dict[int, float] = {}
@@ -101,7 +88,6 @@ class Autopilot:
 
     def seen(self, now_s: float, pose: Pose) -> None:
         """Passed on at most 30 times a second."""
-        self._agrees.pose(now_s, pose)
         if not self._vision or now_s - self._vision_s < VISION_S:
             return
         self._vision_s = now_s
@@ -110,9 +96,7 @@ class Autopilot:
         unknown = (float("nan"), *[0.0] * 20)
         self._line.send(VisionPositionEstimate(round(pose.time_s * 1e6), x, y, z, roll, pitch, yaw, unknown))
 
-    def command(
-        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
-    ) -> None:
+    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._line.send(heartbeat())
             self._beat_s = now_s
@@ -120,31 +104,16 @@ class Autopilot:
         self._mind_the_pilot(stage)
         if stage is Stage.PILOT or (stage is Stage.DOWN and not self.ours):
             return  # nothing from us: PX4's mode cannot even be entered again
-        if target is not None and self._position and self.ours and self._agrees.at(now_s):
-            self._line.send(self._at(now_s, target))
-        else:
-            self._line.send(self._turning(now_s, force_n, rate_body_rad_s))
-        self._arm_or_disarm(now_s, stage)
-
-    def _turning(self, now_s: float, force_n: float, rate_body_rad_s: FloatArray) -> SetAttitudeTarget:
         thrust = self._setup.thrust.command(force_n, self.state.battery_v) if force_n > 0.0 else 0.0
         x, y, z = frames.flip_vector(rate_body_rad_s)
-        return SetAttitudeTarget(
-            time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=x,
-            body_pitch_rate=y, body_yaw_rate=z, thrust=thrust, target_system=self._setup.system,
-            target_component=AUTOPILOT_COMPONENT, type_mask=RATES_AND_THRUST,
+        self._line.send(
+            SetAttitudeTarget(
+                time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=x,
+                body_pitch_rate=y, body_yaw_rate=z, thrust=thrust, target_system=self._setup.system,
+                target_component=AUTOPILOT_COMPONENT, type_mask=RATES_AND_THRUST,
+            )
         )  # fmt: skip
-
-    def _at(self, now_s: float, target: Target) -> SetPositionTargetLocalNed:
-        """Yaw from x towards y, z up, is from north towards west: it changes its sign."""
-        x, y, z = frames.flip_vector(target.position_world_m)
-        vx, vy, vz = frames.flip_vector(target.velocity_world_m_s)
-        ax, ay, az = frames.flip_vector(target.acceleration_world_m_s2)
-        return SetPositionTargetLocalNed(
-            time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az,
-            yaw=-target.yaw_rad, yaw_rate=-target.yaw_rate_rad_s, type_mask=EVERYTHING, coordinate_frame=LOCAL_NED,
-            target_system=self._setup.system, target_component=AUTOPILOT_COMPONENT,
-        )  # fmt: skip
+        self._arm_or_disarm(now_s, stage)
 
     def _mind_the_pilot(self, stage: Stage) -> None:
         """His switch ends us before it is armed too."""
@@ -197,7 +166,6 @@ class Autopilot:
             state.roll_pitch_rad, state.attitude_s = np.array(roll_pitch_yaw(q)[:2]), now_s
         elif isinstance(message, LocalPositionNed):
             self._take_height(-message.z, now_s)
-            self._agrees.estimate(now_s, frames.flip_vector(np.array([message.x, message.y, message.z])))
             state.climb_m_s = -message.vz
             state.has_barometer = True  # its estimate of the height has at least one
         elif isinstance(message, ServoOutputRaw) and message.port == 0:

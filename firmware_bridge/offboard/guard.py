@@ -20,7 +20,7 @@ from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
 from firmware_bridge.offboard.firmware import Firmware, FirmwareState
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Ladder, Seen, Stage, Wish
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup, Target
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
 from firmware_bridge.offboard.pose_watch import PoseWatch
 from firmware_bridge.offboard.poses import Pose, Poses, UdpPoses
 from firmware_bridge.offboard.prediction import Motion, Predictor
@@ -81,14 +81,8 @@ class InnerLoop(Protocol):
         """A pose that is believed, for a firmware that estimates by it."""
         ...
 
-    def command(
-        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
-    ) -> None:
-        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,).
-
-        Args:
-            target: the set-point that they follow, where a firmware has loops of its own for it.
-        """
+    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
+        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,)."""
         ...
 
 
@@ -143,8 +137,7 @@ class Guard:
         self._predictor.on_ground = force_n <= 0.0
         self._predictor.command(now_s, force_n, rate)
         self._airborne.commanded(self._setup.period_s, force_n, armed=state.armed and ours)
-        followed = stage is Stage.FOLLOWING and self._command.wish is Wish.FLY
-        self._firmware.command(now_s, stage, force_n, rate, self._command.target if followed else None)
+        self._firmware.command(now_s, stage, force_n, rate)
         self._tell(now_s, stage, seen)
         self._ticks += 1
         return stage is not Stage.ENDED

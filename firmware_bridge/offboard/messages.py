@@ -13,7 +13,7 @@ from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap
 from flight import FloatArray
 
-_COMMAND, _TARGET = struct.Struct("<6dB"), struct.Struct("<11d")
+_COMMAND = struct.Struct("<6dB")
 _STATUS = struct.Struct("<3B?3d4dI3B")
 _POSE = struct.Struct("<8d")
 MOST_POSES = 64
@@ -55,32 +55,6 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True)
-class Target:
-    """A set-point, for firmware with position loops of its own."""
-
-    position_world_m: FloatArray
-    velocity_world_m_s: FloatArray
-    acceleration_world_m_s2: FloatArray
-    """(3,) each."""
-    yaw_rad: float
-    yaw_rate_rad_s: float
-
-    def pack(self) -> bytes:
-        moves = (*self.position_world_m, *self.velocity_world_m_s, *self.acceleration_world_m_s2)
-        return _TARGET.pack(*moves, self.yaw_rad, self.yaw_rate_rad_s)
-
-    @staticmethod
-    def unpack(data: bytes) -> "Target | None":
-        """None unless it is one, of finite numbers."""
-        if len(data) != _TARGET.size:
-            return None
-        values = np.array(_TARGET.unpack(data))
-        if not np.isfinite(values).all():
-            return None
-        return Target(values[:3], values[3:6], values[6:9], float(values[9]), float(values[10]))
-
-
-@dataclass(frozen=True, slots=True)
 class PlannerCommand:
     """From the planner, one for every status."""
 
@@ -89,24 +63,21 @@ class PlannerCommand:
     force_n: float
     rate_body_rad_s: FloatArray
     wish: Wish
-    target: Target | None = None
-    """On the way of a plan."""
 
     def pack(self) -> bytes:
-        own = _COMMAND.pack(self.time_s, self.pose_s, self.force_n, *self.rate_body_rad_s, self.wish)
-        return own + (self.target.pack() if self.target is not None else b"")
+        return _COMMAND.pack(self.time_s, self.pose_s, self.force_n, *self.rate_body_rad_s, self.wish)
 
     @staticmethod
     def unpack(data: bytes) -> "PlannerCommand | None":
         """None unless it is one, of finite numbers; only a pose that there was not is minus infinity old."""
-        if len(data) not in (_COMMAND.size, _COMMAND.size + _TARGET.size):
+        if len(data) != _COMMAND.size:
             return None
-        time_s, pose_s, force_n, x, y, z, wish = _COMMAND.unpack_from(data)
+        time_s, pose_s, force_n, x, y, z, wish = _COMMAND.unpack(data)
         rate = np.array([x, y, z])
         dated = np.isfinite(pose_s) or pose_s == -np.inf
         if not (dated and np.isfinite([time_s, force_n, x, y, z]).all() and wish <= Wish.KILL):
             return None
-        return PlannerCommand(time_s, pose_s, force_n, rate, Wish(wish), Target.unpack(data[_COMMAND.size :]))
+        return PlannerCommand(time_s, pose_s, force_n, rate, Wish(wish))
 
 
 @dataclass(frozen=True, slots=True)

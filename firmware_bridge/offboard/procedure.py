@@ -246,7 +246,7 @@ class Flight:
         rest = demand or Demand(status.time_s, 0.0, np.zeros(3), -np.inf)
         given_up = self._wish is Wish.FLY and self.tracker.state is State.FAULT
         wish = self._wish_at_end() if given_up else self._wish
-        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, wish, rest.target)
+        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, wish)
         if status.stage is not Stage.ENDED:
             self._guard.answer(command)
         self._ticks += 1

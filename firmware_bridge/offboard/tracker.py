@@ -12,7 +12,6 @@ import numpy as np
 from firmware_bridge.controller import Configuration, Controller, State
 from firmware_bridge.offboard.collective.at_rest import Lead, RotorsAtRest
 from firmware_bridge.offboard.collective.effectiveness import UPRIGHT, Effectiveness, Moment
-from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.offboard.thrust_map import ThrustMap
@@ -31,12 +30,9 @@ _ESC_S = 0.005
 """From a throttle to the rotors, beside their lag."""
 _RISEN_M = 0.1
 """In a take-off: off the ground, which bears the vehicle, and out of its effect."""
-_MOVES = ("position_world_m", "velocity_world_m_s", "acceleration_world_m_s2")
 _LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
 """Low-pass of how the reference turns; steps of a tick."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
-ON_PATH = (State.HOLD, State.TRAJECTORY, State.PAUSING, State.PAUSED, State.STOPPING)
-"""Neither taking off nor landing, which end on the ground that no position loop knows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +46,6 @@ class Demand:
     """(3,)."""
     pose_time_s: float
     """Of the pose it rests on."""
-    target: Target | None = None
-    """What it follows, on the way of a plan."""
 
 
 class Tracker:
@@ -143,10 +137,7 @@ class Tracker:
             telemetry = self.controller.telemetry
             self._learn(step_s, motion, telemetry)
             demand = replace(
-                demand,
-                force_n=self._force_n(step_s, motion, telemetry),
-                rate_body_rad_s=self._rate(motion, telemetry),
-                target=_target(telemetry["setpoint"]) if self.state in ON_PATH else None,
+                demand, force_n=self._force_n(step_s, motion, telemetry), rate_body_rad_s=self._rate(motion, telemetry)
             )
         given_n = self._given_n(demand.force_n, battery_v)
         self._clipped = given_n != demand.force_n
@@ -202,11 +193,6 @@ class Tracker:
         rate = reference + self._lags.rate_s * self._turning + self._per_error * error
         yaw, tilt = self._largest_rad_s
         return np.clip(rate, [-tilt, -tilt, -yaw], [tilt, tilt, yaw])
-
-
-def _target(setpoint: dict) -> Target:
-    place, velocity, acceleration = (np.asarray(setpoint[name], np.float64) for name in _MOVES)
-    return Target(place, velocity, acceleration, float(setpoint["yaw_rad"]), float(setpoint["yaw_rate_rad_s"]))
 
 
 def _excess_m_s2(motion: Motion, up: FloatArray) -> float:

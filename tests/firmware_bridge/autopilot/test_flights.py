@@ -76,45 +76,6 @@ def test_a_simulated_hexarotor_is_flown():
     assert not simulation.disarmed_high
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-def test_a_circle_is_flown_by_position_targets(kind):
-    """With the documented default gains of PX4's position loop, simulated: softer than by rates and thrust."""
-    simulation = flights.simulated(curves.circle(), kind)
-    flown = flights.fly(curves.circle(), simulation, query="?targets=position")
-    assert not flown.error
-    assert not flown.early
-    assert flown.log is not None
-    assert simulation.targets > 1000
-    assert tracking(flown.log)["tracking_mean_m"] < 0.12
-    assert simulation.fastest_down_m_s < SOFTLY_M_S
-
-
-def test_an_estimate_in_another_frame_is_told_rates_and_thrust():
-    simulation = flights.simulated(HOVER)
-    simulation.estimate_off_m = np.array([0.5, 0.0, 0.0])
-    flown = flights.fly(HOVER, simulation, query="?targets=position")
-    assert not flown.error
-    assert not flown.early
-    assert simulation.targets == 0
-    assert simulation.fastest_down_m_s < SOFTLY_M_S
-
-
-def test_one_that_jumps_in_flight_is_told_rates_and_thrust_from_then_on():
-    def jump(simulation):
-        simulation.estimate_off_m = np.array([2.0, 0.0, 0.0])
-        told.append(simulation.targets)
-
-    told: list[int] = []
-    simulation = flights.simulated(HOVER, each_step=at(2.0, jump))
-    flown = flights.fly(HOVER, simulation, query="?targets=position")
-    assert not flown.error
-    assert not flown.early
-    assert 0 < told[0] < simulation.targets < told[0] + 25
-    assert simulation.fastest_down_m_s < SOFTLY_M_S
-    assert np.linalg.norm(flown.log.vector("position_world_m")[:, :2], axis=1).max() < 0.3
-
-
 def test_the_failsafe_is_said_before_it_is_armed_and_kept_in_the_log():
     simulation, said = flights.simulated(HOVER), []
     flown = flights.fly(HOVER, simulation, progress=lambda stage, _: said.append((stage, simulation.armed)))
