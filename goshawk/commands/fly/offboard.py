@@ -26,7 +26,7 @@ from firmware_bridge.offboard.thrust_map import ThrustMap, through
 from firmware_bridge.offboard.tracker import Tracker
 from flight import FlightLog, InputError, LinkError, Progress, Trajectory, TrajectoryFile
 from goshawk.commands.fly import many_rotors
-from goshawk.terminal import outputs
+from goshawk.terminal import console, outputs
 from vehicle import Vehicle
 from vehicle.forces import open_air
 
@@ -326,7 +326,7 @@ def rehearse(
         if record is not None:
             own = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             body.settings = (*body.settings, BLACKBOX)
-            stack.callback(recorded, record, own, body)
+            stack.callback(_recorded, record, own, body)
         where, restarted = stack.enter_context(rehearsing(body, own))
         log, early = fly(model, item, where, progress=progress, cancel=cancel, restarted=restarted)
     told = {"source": "rehearsal on Betaflight's SITL, a simulated body"}
@@ -335,14 +335,28 @@ def rehearse(
     return noted, early, body.fastest_down_m_s
 
 
+def _recorded(record: Path, firmware: Path, body: Body) -> None:
+    """As `recorded`; what cannot be written is said, and the flight's own log is written all the same."""
+    try:
+        recorded(record, firmware, body)
+    except (OSError, InputError) as error:
+        console.note(f"{record}: the recordings were not written: {error}")
+
+
 def recorded(record: Path, firmware: Path, body: Body) -> None:
-    """What the simulated tracking system has sent, and the firmware's blackbox, as `RECORDED`; old ones stay beside."""
+    """What the simulated tracking system has sent, and the last blackbox, as `RECORDED`; old ones are kept."""
     record.mkdir(parents=True, exist_ok=True)
     with outputs.file(record / RECORDED[0], overwrite=True) as poses:
         poses.write_bytes(b"".join(map(tum_line, body.sent)))
-    for log in firmware.glob("LOG*.BF*"):
-        with outputs.file(record / RECORDED[1], overwrite=True) as blackbox:
-            shutil.copy(log, blackbox)
+    logs, place = sorted(firmware.glob("LOG*.BF*")), record / RECORDED[1]
+    if not logs:
+        earlier = f"; {place} is of an earlier flight" if place.exists() else ""
+        console.note(f"the firmware wrote no blackbox{earlier}")
+        return
+    if len(logs) > 1:
+        console.note(f"the firmware wrote {len(logs)} blackboxes; {place.name} is the last, since its last restart")
+    with outputs.file(place, overwrite=True) as blackbox:
+        shutil.copy(logs[-1], blackbox)
 
 
 def model_of(vehicle_file: Path | None) -> Vehicle:
