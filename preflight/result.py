@@ -163,14 +163,17 @@ class Result:
         if self.finished < LEAST_FINISHED:
             return f"only {100 * self.finished:.0f} % of the flights come to the end"
         if self.hides and self.hidden is not None:
-            return f"a thing hidden in the map is met by {self.hidden.probability:.1e}; {self.risk:g} is accepted"
+            met = self.hidden.probability
+            left = "" if met > self.risk else ", which leaves the flights too little to show"
+            return f"a thing hidden in the map is met by {met:.1e}{left}; {self.risk:g} is accepted"
         if self.rare is not None:
             return self._rare_reason(self.rare)
         if self.lost.count / self.flights <= self._left:
             need = statistics.flights_for(self._left, self.lost.count)
             again = " with another --seed" if self.lost.count else ""  # a second look at the same flights proves less
             return f"{self.lost}, which does not show a risk below {self._left:.3g}: fly at least {need}{again}"
-        return f"the risk is about {self.lost.estimate:.1e}, at most {self.lost.upper:.1e}; {self.risk:g} is accepted"
+        about = together(self.lost.estimate, self.hidden)
+        return f"the risk is about {about:.1e}, at most {self.upper:.1e}{self._of_hidden()}; {self.risk:g} is accepted"
 
     @property
     def hides(self) -> bool:
@@ -185,14 +188,20 @@ class Result:
         chance = 0.0 if self.hidden is None else self.hidden.probability
         return f" ({chance:.1e} of it hidden things)" if chance else ""
 
+    def _beside_hidden(self) -> str:
+        chance = 0.0 if self.hidden is None else self.hidden.probability
+        return f" and {chance:.1e} of hidden things" if chance else ""
+
     def _rare_reason(self, rare: Rare) -> str:
         more = f"; {self.risk:g} is accepted"
         if not rare.risk.reached:
             again = "" if self.cut_off else self._more_by_levels()
-            return f"after {rare.risk.levels} levels the risk is at most {rare.risk.upper:.1e}{more}{again}"
+            return (
+                f"after {rare.risk.levels} levels the risk is at most {self.upper:.1e}{self._of_hidden()}{more}{again}"
+            )
         if rare.risk.estimate <= self._left:
             more = f", which does not show {self._left:.3g}{self._more_by_levels()}"
-        return f"the risk is {rare.risk}{more}"
+        return f"the risk is {rare.risk}{self._beside_hidden()}{more}"
 
     def _more_by_levels(self) -> str:
         """What would show more: larger levels, or where there are none, counting."""
@@ -219,7 +228,9 @@ class Result:
             "flights_wanted": self.wanted,
             "risk": self._risk(),
             "hidden": None if self.hidden is None else self.hidden.as_dict(),
-            "risk_with_hidden": {"estimate": together(self.lost.estimate, self.hidden), "upper95": self.upper},
+            "risk_with_hidden": None
+            if self.hidden is None
+            else {"estimate": together(self.lost.estimate, self.hidden), "upper95": self.upper},
             "touched": self.touched.as_dict(),
             "left_map": self.left_map.as_dict(),
             "finished": self.finished,

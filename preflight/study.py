@@ -32,7 +32,7 @@ _AGAIN = 128
 _NEAR_SURFACES = ("ground_effect", "ceiling_effect")
 _LARGEST_SEED = 2**32 - 1
 LEAST_RISK, LARGEST_RISK = 1e-5, 0.5
-MOST_COUNTED = 3000
+MOST_COUNTED, MOST_BESIDE_HIDDEN = 3000, 10_000
 """Flights, above which a risk is not shown by counting unless asked for."""
 STRONGEST_M_S = 50.0
 
@@ -102,7 +102,8 @@ class Options:
     @property
     def by_levels(self) -> bool:
         if self.rare is None:
-            return self.flights is None and statistics.flights_for(self.left) > MOST_COUNTED
+            most = MOST_COUNTED if self.left == self.risk else MOST_BESIDE_HIDDEN
+            return self.flights is None and statistics.flights_for(self.left) > most
         return self.rare
 
     @property

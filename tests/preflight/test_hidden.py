@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import preflight
@@ -58,8 +59,30 @@ def test_flights_that_are_all_good_are_a_go_only_with_room_for_what_is_hidden(dr
     assert "1.0e-02 of it hidden" in little.reason()
     assert "hidden in the map" in much.reason()
     assert little.as_dict()["risk"] == without.as_dict()["risk"]
-    assert little.as_dict()["risk_with_hidden"]["upper95"] > without.as_dict()["risk_with_hidden"]["upper95"]
+    assert little.as_dict()["risk_with_hidden"]["upper95"] > without.as_dict()["risk"]["upper95"]
+    assert without.as_dict()["risk_with_hidden"] is None
     assert without.as_dict()["hidden"] is None
+
+
+def test_no_refusal_states_a_risk_that_is_accepted(drone, curve):
+    """What is hidden alone nearly takes the accepted risk, or together with the flights' bound passes it."""
+    nearly, beside = (flown(drone, curve, stated(chance)) for chance in (0.078, 0.06))
+    assert not nearly.go
+    assert "7.8e-02, which leaves the flights too little to show; 0.08 is accepted" in nearly.reason()
+    assert not beside.go
+    few_lost = replace(beside.record, clearance_m=np.where(np.arange(60) < 4, -0.1, beside.record.clearance_m))
+    lossy = replace(beside, record=few_lost, hidden=stated(0.03))
+    assert not lossy.go
+    assert f"at most {lossy.upper:.1e} (3.0e-02 of it hidden things); 0.08 is accepted" in lossy.reason()
+    assert lossy.upper > 0.08
+
+
+def test_the_method_goes_by_the_accepted_risk_and_counts_what_is_left_of_it():
+    for chance in (2e-6, 1.5e-4, 6e-4):
+        options = preflight.Options(risk=1e-3, hidden=stated(chance))
+        assert not options.by_levels
+        assert options.count == statistics.flights_for(1e-3 - chance)
+    assert preflight.Options(risk=1e-3, hidden=stated(8.5e-4)).by_levels
 
 
 def test_what_is_hidden_moves_no_flight(drone, curve):

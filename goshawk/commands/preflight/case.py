@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import mapping
 import preflight
 import vehicle
+from esdf.edits import EDITS
 from flight import FlightError, InputError, file_format, results, trajectory
 from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
 from goshawk.commands.preflight import inputs
@@ -30,6 +31,8 @@ COLUMNS: dict[str, type] = {
 """Of the tables; segment, time and place are where it is narrowest. `lost` is None by levels: its flights are no sample
 of all."""
 GO, NO_GO = "go", "no-go"
+_OF_HIDDEN = (occupancy.FILE, "visibility.npz", "map.toml", "poses.csv", f"esdf/{EDITS}")
+"""What a map says of what it may have missed; an edit that changes no voxel's state may change it, too."""
 KIND = Kind(
     "goshawk-preflight-batch", "preflights", "fly", "flies", "flown", "a file of the preflight",
     "plan, map, vehicle or options", COLUMNS, (GO, NO_GO), ("refused",),
@@ -74,8 +77,8 @@ class Job:
         """Of the map, what it says of itself and may have missed, and the options; no result depends on the threads."""
         area = mapping.open_map(self.map_folder)
         uncertainty = inputs.of_map(area, self.options.uncertainty)
-        stated = area.folder / occupancy.FILE
-        hidden = _hash_of(stated) if stated.is_file() else ""
+        may_hide = [area.folder / name for name in _OF_HIDDEN]
+        hidden = [_hash_of(path) if path.is_file() else "" for path in may_hide]
         asked = (area.hash, hidden, replace(self.options, threads=None, uncertainty=uncertainty))
         return hashlib.sha256(repr(asked).encode()).digest()
 
@@ -94,7 +97,11 @@ class Job:
     def key_of(self, item: Case) -> str:
         """Hash of the case's files, the wind and all other inputs; without the files where they cannot be read."""
         digest = hashlib.sha256(self.inputs + item.wind.encode())
-        for path in (item.trajectory_file, item.vehicle_file):
+        try:
+            effects = vehicle.effect_files(item.vehicle_file)
+        except (OSError, FlightError):
+            effects = ()
+        for path in (item.trajectory_file, item.vehicle_file, *effects):
             try:
                 content = path.read_bytes()
             except OSError:
@@ -242,7 +249,7 @@ def _columns(document: dict[str, Any]) -> dict[str, Any]:
     return {
         "flights": document["risk"]["flights"],
         "lost": None if "levels" in document["risk"] else document["risk"]["count"],
-        "risk_upper95": document["risk_with_hidden"]["upper95"],
+        "risk_upper95": (document["risk_with_hidden"] or document["risk"])["upper95"],
         "finished": document["finished"],
         "clearance_q01_m": document["clearance_m"].get("q01"),
         "clearance_least_m": document["clearance_m"].get("least"),

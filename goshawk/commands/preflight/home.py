@@ -75,15 +75,16 @@ def last_s(ways: tuple[WayHome, ...]) -> float | None:
 
 def no_return_s(ways: tuple[WayHome, ...], usable_j: float) -> float | None:
     """When the plan so far and the way home take 99 % of the flights all of an energy, for the first time; None: at no
-    moment looked at. Linear between moments; that of the first, where it is too late already."""
-    known = [(way.from_s, way.energy_j) for way in ways if way.energy_j is not None]
-    over = next((i for i, (_, needed_j) in enumerate(known) if needed_j > usable_j), None)
+    moment looked at. Linear between moments; that of the first, where it is too late already. A moment without a way
+    home takes more than any energy: the one before it is the last."""
+    needed = [np.inf if way.energy_j is None else way.energy_j for way in ways]
+    over = next((i for i, needed_j in enumerate(needed) if needed_j > usable_j), None)
     if over is None:
         return None
     if over == 0:
-        return known[0][0]
-    (before_s, before_j), (after_s, after_j) = known[over - 1], known[over]
-    return before_s + (after_s - before_s) * (usable_j - before_j) / (after_j - before_j)
+        return ways[0].from_s
+    before_s, before_j, after_j = ways[over - 1].from_s, needed[over - 1], needed[over]
+    return before_s + (ways[over].from_s - before_s) * (usable_j - before_j) / (after_j - before_j)
 
 
 def no_return(ways: tuple[WayHome, ...], usable_j: float, end_j: float | None) -> str:
@@ -99,7 +100,7 @@ def no_return(ways: tuple[WayHome, ...], usable_j: float, end_j: float | None) -
     ends = end_j is not None and end_j <= usable_j
     if last_s is None:
         return f"none: it brings home from every moment looked at{', and to the end' if ends else ', not to the end'}"
-    if last_s <= known[0].from_s:
+    if last_s <= ways[0].from_s:
         return f"before {last_s:.1f} s: it is too small for any way home that was looked at"
     return f"{last_s:.1f} s: later it brings nobody home{', only to the end' if ends else ', nor to the end'}"
 

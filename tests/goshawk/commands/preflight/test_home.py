@@ -91,6 +91,14 @@ def test_no_return_is_where_the_energy_so_far_and_home_is_the_batterys(usable_j,
     assert home.no_return((replace(way(1.0), energy_j=None),), usable_j, 35.0).startswith("not known")
 
 
+def test_a_moment_without_a_way_home_is_the_point_of_no_return():
+    one, two, three = (replace(way(float(t)), energy_j=10.0 * t) for t in (1, 2, 3))
+    nothing = replace(two, energy_j=None)
+    assert home.no_return_s((one, nothing, three), 40.0) == 1.0
+    assert home.no_return_s((replace(one, energy_j=None), two), 40.0) == 1.0
+    assert "every moment" not in home.no_return((one, nothing, three), 40.0, 35.0)
+
+
 def test_a_smaller_battery_brings_home_from_fewer_moments_and_more_moments_are_looked_at_if_asked(subject):
     ways = tuple(home.ways_home(subject, 100, progress=silent))
     assert len(ways) >= len(home._joins(subject.item.trajectory))

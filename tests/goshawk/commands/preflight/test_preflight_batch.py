@@ -309,3 +309,20 @@ def test_a_cluster_flies_what_one_process_flies(folder, one, tmp_path):
     assert ended.returncode == 0, ended.stderr
     assert rows_of(tmp_path / "out") == rows_of(one)
     assert results(tmp_path / "out") == results(one)
+
+
+def test_what_a_map_may_have_missed_and_an_effect_file_are_inputs(folder, tmp_path):
+    """An edit "clear" over free voxels changes what may be hidden there, and no voxel's state."""
+    shutil.copytree((folder / "map").resolve(), tmp_path / "map")
+    job = work.Job(tmp_path / "map", preflight.Options(24, 0.2), tmp_path)
+    before = job.inputs_hash()
+    (tmp_path / "map" / "visibility.npz").write_bytes(b"of another recording")
+    assert job.inputs_hash() != before
+    own = (folder / "light.toml").read_text().replace("effect_files = []", 'effect_files = ["law.py"]')
+    (tmp_path / "own.toml").write_text(own)
+    case = work.Case(folder / "plans-light" / "a.json", tmp_path / "own.toml", "0")
+    keys = set[str]()
+    for factor in (1, 5):
+        (tmp_path / "law.py").write_text(f"FACTOR = {factor}\n")
+        keys.add(job.key_of(case))
+    assert len(keys) == 2
