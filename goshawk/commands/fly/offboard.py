@@ -321,18 +321,28 @@ def rehearse(
         record: a folder for what other recorders write beside it, its blackbox and the poses (`recorded`).
     """
     body = body_of(flies or model, item.trajectory, seed=seed, believed=model)
+    missed: list[str] = []
     with contextlib.ExitStack() as stack:
         own = None
         if record is not None:
             own = Path(stack.enter_context(tempfile.TemporaryDirectory()))
             body.settings = (*body.settings, BLACKBOX)
-            stack.callback(recorded, record, own, body)
+            stack.callback(_recorded_or_noted, missed, record, own, body)
         where, restarted = stack.enter_context(rehearsing(body, own))
         log, early = fly(model, item, where, progress=progress, cancel=cancel, restarted=restarted)
     told = {"source": "rehearsal on Betaflight's SITL, a simulated body"}
     told |= {"battery": NO_SAG} if SAG in model.effects else {}
+    told |= {"record": missed[0]} if missed else {}
     noted = replace(log, metadata={**log.metadata, **told})
     return noted, early, body.fastest_down_m_s
+
+
+def _recorded_or_noted(missed: list[str], record: Path, firmware: Path, body: Body) -> None:
+    """`recorded`; what cannot be written must not cost the flight's own log."""
+    try:
+        recorded(record, firmware, body)
+    except (OSError, InputError) as error:
+        missed.append(f"not all kept in {record}: {error}")
 
 
 def recorded(record: Path, firmware: Path, body: Body) -> None:
@@ -340,9 +350,14 @@ def recorded(record: Path, firmware: Path, body: Body) -> None:
     record.mkdir(parents=True, exist_ok=True)
     with outputs.file(record / RECORDED[0], overwrite=True) as poses:
         poses.write_bytes(b"".join(map(tum_line, body.sent)))
-    for log in firmware.glob("LOG*.BF*"):
-        with outputs.file(record / RECORDED[1], overwrite=True) as blackbox:
-            shutil.copy(log, blackbox)
+    logs = sorted(firmware.glob("LOG*.BF*"))
+    if not logs:
+        old = record / RECORDED[1]
+        if old.exists():
+            old.replace(old.with_name(f"{old.name}.old"))
+        raise InputError("the firmware has written no blackbox; an older one was moved aside")
+    with outputs.file(record / RECORDED[1], overwrite=True) as blackbox:
+        shutil.copy(logs[-1], blackbox)
 
 
 def model_of(vehicle_file: Path | None) -> Vehicle:
