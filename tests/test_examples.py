@@ -44,5 +44,9 @@ def test_example_runs(script, tmp_path):
     assert script.read_text().startswith('"""')
     laps = re.findall(r"laps: (\d+) mm before, (\d+) mm after", answer.stdout)
     assert laps or not script.name.startswith("09"), answer.stdout
+    drag = re.findall(r"drag_s_m: (\S+) learnt, (\S+) in the body", answer.stdout)
+    assert drag or not script.name.startswith("09"), answer.stdout
+    for learnt, true in drag:
+        assert abs(float(learnt) / float(true) - 1.0) <= 0.1
     for before, after in laps:
         assert int(after) <= 0.5 * int(before)
