@@ -14,7 +14,7 @@ from sysid.logs.sensors import common_turning, low_pass
 TUM_COLUMNS = 8
 _POSES = ("state_groundtruth_estimate0", "groundtruth", "mocap0", "vicon0", "leica0")
 """Folders of EuRoC and its followers that hold a pose, the best first."""
-_AVERAGED = (RATE, FORCE, "rotor_speed", "motor_command")
+_AVERAGED = ("rate_body", "specific_force_body", "rotor_speed", "motor_command")
 """What is averaged over a period of the poses; flags and slow readings are not."""
 _MOTION = ("position_world", "velocity_world", "q_world_body")
 
