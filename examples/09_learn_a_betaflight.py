@@ -81,7 +81,6 @@ for plan in rings:
             "--full-throttle", 20000, "--out", f"joined_{plan}.parquet")  # fmt: skip
     goshawk("log", "check", f"joined_{plan}.parquet", "--vehicle", "quad.toml")
 logs = [f"joined_{plan}.parquet" for plan in rings]
-goshawk("identify", *logs, "--vehicle", "quad.toml", "--out", "fitted.toml", "--anyway")
 goshawk("diagnose", *logs, "--vehicle", "quad.toml", "--out", "learnt.toml")
 learnt = vehicle.load(OUT / "learnt.toml")
 assert HIDDEN in learnt.effects, f"the diagnosis added {set(learnt.effects) - set(believed.effects) or 'nothing'}"

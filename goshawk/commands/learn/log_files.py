@@ -11,7 +11,7 @@ from goshawk.commands.learn import flights, log_exports, log_outputs
 from goshawk.commands.learn.flights import marked_file
 from goshawk.terminal import console, outputs
 from sysid.logs.checks.payload import PAYLOAD_CARRIED
-from sysid.logs.motors.full_throttle import IDLE, with_command_speeds
+from sysid.logs.motors.full_throttle import with_command_speeds
 
 flight_argument = click.argument("flight", type=click.Path(path_type=Path))
 
@@ -90,7 +90,7 @@ def bring(
     outputs.check(out, overwrite=overwrite)
     log = flights.read(first, columns, imu=imu, align=align)
     if full_rpm is not None:
-        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM, idle=float(log.metadata.get(IDLE, 0.0)))
+        log = with_command_speeds(log, full_rpm * RAD_S_PER_RPM)
     with outputs.file(out, overwrite=overwrite) as temporary:
         flight_log.save(temporary, log)
     console.show("import", {"rows": len(log), "written": str(out)}, as_json=as_json)

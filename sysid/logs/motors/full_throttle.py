@@ -27,7 +27,7 @@ def has_ratios(log: FlightLog) -> bool:
 
 
 def by_limit(log: FlightLog, fastest_rad_s: float) -> FlightLog:
-    """A log without rotor speed whose commands from 0 to 1 become 0 to the vehicle's fastest; others as they are.
+    """A log without rotor speed whose commands from 0 to 1 become idle to the vehicle's fastest; others as they are.
 
     Any speed will do: what is fitted is thrust per command.
     """
@@ -35,14 +35,13 @@ def by_limit(log: FlightLog, fastest_rad_s: float) -> FlightLog:
     return log if known or not has_ratios(log) else with_command_speeds(log, fastest_rad_s)
 
 
-def with_command_speeds(log: FlightLog, full_throttle_rad_s: float, *, idle: float = 0.0) -> FlightLog:
+def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog:
     """The log with `rotor_speed_command_rad_s`: the share of full throttle times the speed there.
 
     ESCs answer almost in proportion between idle and full throttle. The thrust coefficient that is fitted holds for
     this speed only: 10 % too much of it make the coefficient 17 % too small, and nothing else wrong.
 
-    Args:
-        idle: share of that speed at a command of 0.
+    A command of 0 becomes the share `IDLE` of that speed, where the log's metadata has it.
 
     Raises:
         InputError: the log has no motor commands, has commanded speeds, or the speed is not positive.
@@ -54,6 +53,7 @@ def with_command_speeds(log: FlightLog, full_throttle_rad_s: float, *, idle: flo
     if log.has(COMMAND):
         raise InputError("the log has commanded rotor speeds already; give no full throttle")
     shares = np.stack([log.columns[name] for name in ratios(log)], axis=1)
+    idle = float(log.metadata.get(IDLE, 0.0))
     names = rotor_columns(COMMAND, shares.shape[1])
     added = dict(zip(names, (full_throttle_rad_s * (idle + (1.0 - idle) * shares)).T, strict=True))
     return FlightLog({**log.columns, **added}, {**log.metadata, KEY: full_throttle_rad_s})

@@ -14,6 +14,8 @@ from sysid.logs.sensors import common_turning, low_pass
 TUM_COLUMNS = 8
 _POSES = ("state_groundtruth_estimate0", "groundtruth", "mocap0", "vicon0", "leica0")
 """Folders of EuRoC and its followers that hold a pose, the best first."""
+_AVERAGED = ("rate_body", "specific_force_body", "rotor_speed", "motor_command")
+"""What is averaged over a period of the poses; flags and slow readings are not."""
 _MOTION = ("position_world", "velocity_world", "q_world_body")
 
 
@@ -126,6 +128,7 @@ def joined_on_clocks(path: Path, pose: FlightLog, imu: FlightLog, *, align: bool
 def _averaged(stream: Stream, period_s: float) -> Stream:
     """Over a period of the poses, at whose instants it is read: what is faster would come back as slow noise."""
     rows = 2 * int(0.5 * period_s / float(np.median(np.diff(stream["time_s"])))) + 1
+    rows = min(rows, 2 * ((len(stream["time_s"]) - 1) // 2) + 1)
     if rows == 1:
         return stream
     half, ones = rows // 2, np.full(rows, 1.0 / rows)
@@ -135,7 +138,7 @@ def _averaged(stream: Stream, period_s: float) -> Stream:
         inner = np.convolve(values, ones, "valid")
         return np.concatenate([values[:half], inner, values[len(values) - half :]])
 
-    return {name: values if name == "time_s" else mean(values) for name, values in stream.items()}
+    return {name: mean(values) if name.startswith(_AVERAGED) else values for name, values in stream.items()}
 
 
 def _offset_s(path: Path, pose: FlightLog, imu: FlightLog) -> float:

@@ -2,7 +2,7 @@
 
 The size of the body rate is the same in every frame: that of the poses, differenced over their attitudes, against that
 of the gyro. The offset is the shift of largest correlation (Furrer et al. 2017, ISRR, section 3); clocks that run at
-different rates are not found so.
+different rates are refused.
 """
 
 import numpy as np
@@ -13,9 +13,11 @@ GRID_S = 0.005
 SMOOTH_S = 0.04
 """Both rates are averaged over so long: poses of a milliradian of noise are differenced."""
 LEAST_CORRELATION = 0.8
-APART_S, LEAST_LEAD = 0.5, 0.05
-"""Another shift, farther off than this, is as likely if its correlation is not lower by so much."""
+LEAST_LEAD = 0.05
+"""Another shift, outside the best one's peak, is as likely if its correlation is not lower by so much."""
 LEAST_COMMON_S = 5.0
+MOST_DRIFT_S = 0.01
+"""Between the offsets of the flight's two halves."""
 LEAST_TURNING_RAD_S = 0.05
 
 
@@ -29,8 +31,12 @@ def offset_s(
         gyro_time_s: (m,), increasing; rate_body_rad_s: (m, 3).
 
     Raises:
-        InputError: the flight is too short or turns too little, or two shifts are about as likely.
+        InputError: the flight is too short or turns too little, two shifts are about as likely, times do not increase,
+            or the clocks drift apart.
     """
+    for name, times in (("poses", pose_time_s), ("gyro", gyro_time_s)):
+        if len(times) < 2 or not (np.diff(times) > 0.0).all():
+            raise InputError(f"times of the {name} do not increase throughout; mend them before clocks are aligned")
     middle_s, turning = _of_attitudes(pose_time_s, q_world_body)
     poses, gyro = _on_grid(middle_s, turning), _on_grid(gyro_time_s, rate_body_rad_s)
     shortest = min(len(poses), len(gyro))
@@ -41,8 +47,31 @@ def offset_s(
         )
     shifts, correlation = _correlations(poses, gyro)
     best = int(np.argmax(correlation))
-    _require_clear(shifts, correlation, best)
-    return float(middle_s[0] - gyro_time_s[0] + GRID_S * (shifts[best] + _between(correlation, best)))
+    _require_clear(correlation, best)
+    shift = shifts[best] + _between(correlation, best)
+    _require_no_drift(poses, gyro, int(shifts[best]))
+    return float(middle_s[0] - gyro_time_s[0] + GRID_S * shift)
+
+
+def _require_no_drift(poses: FloatArray, gyro: FloatArray, shift: int) -> None:
+    """Refuse halves of the common time, each long enough for an offset of its own, that differ in it."""
+    first, last = max(0, shift), min(len(poses), len(gyro) + shift)
+    middle, least = (first + last) // 2, 2.0 * LEAST_COMMON_S / GRID_S
+    if last - first < least:
+        return
+    found = []
+    for begin, end in ((first, middle), (middle, last)):
+        a, b = poses[begin:end], gyro[begin - shift : end - shift]
+        if min(a.std(), b.std()) < LEAST_TURNING_RAD_S:
+            return
+        shifts, correlation = _correlations(a, b)
+        best = int(np.argmax(correlation))
+        found.append(GRID_S * (shifts[best] + _between(correlation, best)))
+    if abs(found[1] - found[0]) > MOST_DRIFT_S:
+        raise InputError(
+            f"the clocks' offset changes by {found[1] - found[0]:+.3f} s between the flight's halves, "
+            f"beyond {MOST_DRIFT_S:g} s: they run at different rates; scale one's times"
+        )
 
 
 def _of_attitudes(time_s: FloatArray, q_world_body: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -77,14 +106,16 @@ def _correlations(poses: FloatArray, gyro: FloatArray) -> tuple[FloatArray, Floa
     return shifts[long], correlation[long]
 
 
-def _require_clear(shifts: FloatArray, correlation: FloatArray, best: int) -> None:
-    if correlation[best] < LEAST_CORRELATION:
+def _require_clear(correlation: FloatArray, best: int) -> None:
+    if not correlation[best] >= LEAST_CORRELATION:
         raise InputError(
             f"poses and gyro turn alike with a correlation of {correlation[best]:.2f} at best, below "
             f"{LEAST_CORRELATION:g}: are they of the same flight, and its poses' attitudes those of the body?"
         )
-    others = correlation[np.abs(shifts - shifts[best]) * GRID_S > APART_S]
-    if len(others) and others.max() > correlation[best] - LEAST_LEAD:
+    near = correlation > correlation[best] - LEAST_LEAD
+    peak = np.cumsum(~near) == np.cumsum(~near)[best]
+    others = correlation[near & ~peak]
+    if len(others):
         raise InputError(
             f"two offsets of the clocks are about as likely (correlations {correlation[best]:.3f} and "
             f"{others.max():.3f}); record take-off and landing with both, or turn irregularly for some seconds"

@@ -11,7 +11,8 @@ from sysid.logs.readers import read_blackbox
 def test_a_command_of_nothing_idles():
     share = np.array([0.0, 0.25, 1.0])
     log = FlightLog({"time_s": np.arange(3.0), **{f"motor_command_{i}_ratio": share for i in range(4)}}, {})
-    speeds = full_throttle.with_command_speeds(log, 2000.0, idle=0.1).columns
+    idling = FlightLog(log.columns, {full_throttle.IDLE: 0.1})
+    speeds = full_throttle.by_limit(idling, 2000.0).columns
     np.testing.assert_allclose(speeds["rotor_speed_command_2_rad_s"], [200.0, 650.0, 2000.0])
     plain = full_throttle.with_command_speeds(log, 2000.0).columns
     np.testing.assert_allclose(plain["rotor_speed_command_2_rad_s"], 2000.0 * share)

@@ -60,3 +60,16 @@ def test_a_flight_that_hardly_turns_is_refused():
     time_s, q, rate = turning(1)
     with pytest.raises(InputError, match="do not tell the clocks apart"):
         common_turning.offset_s(time_s[::5], q[::5], time_s, 0.001 * rate)
+
+
+def test_clocks_that_drift_apart_are_refused():
+    time_s, q, rate = turning(1, length_s=60.0)
+    with pytest.raises(InputError, match="different rates"):
+        common_turning.offset_s(time_s[::5], q[::5], 1.001 * time_s, rate)
+
+
+def test_times_that_do_not_increase_are_refused():
+    time_s, q, rate = turning(1)
+    twice = np.concatenate([time_s[:1], time_s[:-1]])
+    with pytest.raises(InputError, match="do not increase"):
+        common_turning.offset_s(time_s[::5], q[::5], twice, rate)
