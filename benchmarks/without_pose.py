@@ -169,6 +169,7 @@ def faults(draws: int, duration_s: float, seed: int) -> list[report.Row]:
             found = from_imu.diagnose([log], start)
             used_s += time.process_time() - began
             named = {*found.additions} | ({"late gyro"} if found.late_gyro is not None else set())
+            named |= {"bent rotor"} if found.bent is not None else set()
             right.append(named >= wanted and not found.undecided)
             false.append(bool(named - wanted))
             if named != wanted:

@@ -135,8 +135,6 @@ class ImuDiagnosis:
         sure = [one.confidence for one in self.named]
         if self.undecided:
             sure.append(sum(one.confidence for one in self.candidates if one.name in self.undecided))
-        if self.bent is not None:
-            sure.append(THRESHOLDS.most_confidence)
         if not sure:
             sure = [1.0 - max((one.confidence for one in self.candidates), default=0.0)]
         most = THRESHOLDS.even_confidence if self.fit.verdict.against else THRESHOLDS.most_confidence
@@ -219,8 +217,8 @@ def diagnose(
             break
         added = [*(t for t in added if effect_sizes.shows(trials[0].fit, t.candidate)), trials[0]]
         looked = _look(trials[0].fit)
-    progress("diagnose", 1.0)
     bent, unseen = rotor_line.find(logs, looked.fit)
+    progress("diagnose", 1.0)
     names = tuple(str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate(logs))
     mute = [s for s in base_look.all.candidates if s.name not in base_look.scores]
     reasons = [(s.name, THRUST_LAW if effects.find(s.effect).instead_of else NEEDS_VELOCITY) for s in mute]

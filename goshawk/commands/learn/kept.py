@@ -19,7 +19,7 @@ from goshawk.terminal.screen import Screen
 from vehicle import Vehicle
 
 FOLDER = "learned"
-FORMAT, VERSION = "goshawk-kept-result", 3
+FORMAT, VERSION = "goshawk-kept-result", 4
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,16 +19,15 @@ BLOCK_S = 0.25
 """Within which a line keeps its phase."""
 BESIDE = np.array([0.86, 0.92, 1.08, 1.14])
 """Shares of a rotor's speed at which nothing turns: the noise there is the noise at the line."""
-SCALES = np.geomspace(0.5, 1.5, 110)
-"""Tried of a full throttle's speed that nobody measured."""
-FINER = np.linspace(0.99, 1.01, 11)
-"""Of the best of them."""
 TIMES = 3.0
 """The line of a bent rotor over every other's."""
 SURE = 6.0
 """Its power over the standard error."""
-LEAST_M_S2 = 0.2
-"""Of a line worth a word, root mean square; sound rotors of small vehicles draw as much."""
+LEAST_M_S2 = 0.5
+"""Of a line worth a word, root mean square, as logged; sound rotors of small vehicles draw 0.2."""
+LEAST_BLOCKS = 8
+MOST_ALIKE = 0.8
+"""Coherence of two rotors' phases within a block, above which their lines are one."""
 HIGHEST = 0.45
 """Share of the log's rate up to which it shows a line."""
 MEDIAN = np.log(2.0)
@@ -50,7 +49,7 @@ class Line:
     def sentence(self) -> str:
         return (
             f"rotor {self.rotor} shakes the accelerometer with {self.rms_m_s2:.2g} m/s2 at its own speed, every other "
-            f"with less than {self.next_m_s2:.2g}: it is bent, chipped or out of balance"
+            f"with less than {self.next_m_s2:.2g}: it is out of balance, bent or chipped, or the frame resonates there"
         )
 
 
@@ -68,24 +67,28 @@ class _Piece:
 def find(logs: Sequence[FlightLog], fit: Identification) -> tuple[Line | None, str]:
     """The rotor that shakes the vehicle, and why these logs cannot show one; empty where they could.
 
+    Where only commands are known the line's order is not: one of two a turn, which sound blades draw, looks the same.
+
     Args:
-        fit: of these logs; where they have no rotor speed, its motors answer the commands.
+        fit: of these logs.
     """
+    if any(flight.driven_by_command for flight in fit.flights):
+        return None, "its line is sought at measured rotor speeds: log them (eRPM)"
     pieces = list(_pieces(logs, fit))
-    if not pieces:
-        return None, "the log has too few accelerometer samples"
+    if sum(len(list(_blocks(piece))) for piece in pieces) < LEAST_BLOCKS:
+        return None, f"the accelerometer has less than {LEAST_BLOCKS * BLOCK_S:g} s without gaps"
     rate_hz = 1.0 / float(np.median(np.concatenate([np.diff(p.time_s) for p in pieces])))
-    commanded = any(flight.driven_by_command for flight in fit.flights)
     usual_hz = float(np.median(np.concatenate([p.speed_rad_s for p in pieces]))) / (2.0 * np.pi)
-    scale = _scale(pieces, rate_hz) if commanded else 1.0
-    if not scale * usual_hz < HIGHEST * rate_hz:
+    if not usual_hz < HIGHEST * rate_hz:
         return None, (
-            f"rotors that turn at {scale * usual_hz:.0f} Hz draw no line in samples of {rate_hz:.0f} Hz: log the "
-            f"accelerometer at {scale * usual_hz / HIGHEST:.0f} Hz or more"
+            f"rotors that turn at {usual_hz:.0f} Hz draw no line in samples of {rate_hz:.0f} Hz: log the "
+            f"accelerometer at {usual_hz / HIGHEST:.0f} Hz or more"
         )
-    line = strongest(*power(pieces, scale))
-    if line is None and commanded:
-        return None, "no line goes with one rotor's command; log rotor speeds (eRPM), at which it is sought"
+    powers, std = power(pieces)
+    line = strongest(powers, std)
+    most = float(np.sqrt((np.maximum(powers, 0.0) + 2.0 * std).max()))
+    if line is None and (most > LEAST_M_S2 or _alike(pieces) > MOST_ALIKE):
+        return None, "rotors turn too much alike, or all draw lines: fly rolls and yaws, in which they differ"
     return line, ""
 
 
@@ -99,12 +102,12 @@ def strongest(power: FloatArray, std: FloatArray) -> Line | None:
     return Line(first, float(np.sqrt(power[first])), float(np.sqrt(others.max())))
 
 
-def power(pieces: Sequence[_Piece], scale: float) -> tuple[FloatArray, FloatArray]:
+def power(pieces: Sequence[_Piece]) -> tuple[FloatArray, FloatArray]:
     """Mean square of each rotor's line (r,) and standard errors, m²/s⁴, by the blocks' median: the surest count most.
 
     In a mean, blocks in which rotors turn almost alike would give one rotor's line to the others.
     """
-    blocks = [_lines(block, scale) for piece in pieces for block in _blocks(piece)]
+    blocks = [_lines(block) for piece in pieces for block in _blocks(piece)]
     found, noise = np.array([p for p, _ in blocks]), np.array([v for _, v in blocks])
     weight = 1.0 / (noise + np.median(noise, axis=0)) ** 2  # no block counts more than four usual ones
     middle = _median(found, weight)
@@ -142,20 +145,27 @@ def _blocks(piece: _Piece) -> Iterator[_Piece]:
         yield _Piece(piece.time_s[cut], piece.force_m_s2[cut], piece.speed_rad_s[cut])
 
 
-def _turning(block: _Piece, scale: float) -> FloatArray:
+def _turning(block: _Piece) -> FloatArray:
     """(n, r) phase of each rotor."""
     between = 0.5 * (block.speed_rad_s[1:] + block.speed_rad_s[:-1]) * np.diff(block.time_s)[:, None]
-    return scale * np.concatenate([np.zeros((1, between.shape[1])), np.cumsum(between, axis=0)])
+    return np.concatenate([np.zeros((1, between.shape[1])), np.cumsum(between, axis=0)])
 
 
-def _lines(block: _Piece, scale: float) -> tuple[FloatArray, FloatArray]:
+def _alike(pieces: Sequence[_Piece]) -> float:
+    """Of the two rotors that turn most alike: the blocks' median coherence of their phases, 1 where they never differ."""
+    waves = [np.exp(1j * _turning(block)) for piece in pieces for block in _blocks(piece)]
+    coherence = np.median([np.abs(wave.conj().T @ wave) / len(wave) for wave in waves], axis=0)
+    return float((coherence - np.eye(len(coherence))).max())
+
+
+def _lines(block: _Piece) -> tuple[FloatArray, FloatArray]:
     """Mean square of the lines (r,) of one block by joint least squares, and by how much of it noise would make.
 
     The noise that the lines beside show is taken off.
     """
     window = np.hanning(len(block.time_s))
     force = block.force_m_s2 - block.force_m_s2.mean(axis=0)
-    turning = _turning(block, scale)
+    turning = _turning(block)
     grown = (block.speed_rad_s / np.maximum(block.speed_rad_s.mean(axis=0), 1e-9)) ** 2  # as centrifugal forces do
     wave = grown * np.exp(1j * turning)
     seen, square = wave.conj().T @ (window[:, None] * force), wave.conj().T @ (window[:, None] * wave)
@@ -166,28 +176,3 @@ def _lines(block: _Piece, scale: float) -> tuple[FloatArray, FloatArray]:
     share = 2.0 * np.real(np.einsum("ij,jk,ki->i", inverse, noise, inverse))
     made = share * density.shape[2] * np.median(density, axis=(1, 2)) / MEDIAN
     return 2.0 * (np.abs(inverse @ seen) ** 2).sum(axis=1) - made, made
-
-
-def _scale(pieces: Sequence[_Piece], rate_hz: float) -> float:
-    """Of the tried ones, that at which a rotor's line stands out most from those at scales about it."""
-    blocks = [block for piece in pieces for block in _blocks(piece)]
-    fastest = 2.0 * np.pi * HIGHEST * rate_hz / float(np.median([np.median(b.speed_rad_s) for b in blocks]))
-    scales = SCALES[fastest > SCALES]
-    if len(scales) == 0:
-        return 1.0
-    height = _heights(blocks, scales)
-    about = np.stack([np.median(height[max(0, i - 15) : i + 16], axis=0) for i in range(len(scales))])
-    i, rotor = np.unravel_index(int(np.argmax(height / about)), height.shape)
-    finer = scales[i] * FINER
-    return float(finer[int(np.argmax(_heights(blocks, finer)[:, rotor]))])
-
-
-def _heights(blocks: Sequence[_Piece], scales: FloatArray) -> FloatArray:
-    """(s, r) power of each rotor's line at each scale of speed, noise and other rotors' lines not taken off."""
-    height = np.zeros((len(scales), blocks[0].speed_rad_s.shape[1]))
-    for block in blocks:
-        force = np.hanning(len(block.time_s))[:, None] * (block.force_m_s2 - block.force_m_s2.mean(axis=0))
-        turning = _turning(block, 1.0)
-        for i, scale in enumerate(scales):
-            height[i] += (np.abs(np.exp(-1j * scale * turning).T @ force) ** 2).sum(axis=1)
-    return height

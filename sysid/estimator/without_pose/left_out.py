@@ -20,9 +20,9 @@ from sysid.estimator.without_pose import airspeed
 from sysid.estimator.without_pose.sensing import FELT, TURNED, Shown, measured
 from sysid.logs.sensors.low_pass import LowPass
 
-WRONG_FORM = 2.5
-"""Standard errors by which a lag or filter of another form may mislead such an estimate (in a real flight that hardly
-rolls, inflow came out 8 of them wrong)."""
+WRONG_FORM = 5.0
+"""Standard errors by which a lag or filter of another form may mislead such an estimate: in a real flight that hardly
+rolls, inflow came out 8 of them wrong, which is then within a 90 % interval."""
 NOTHING = 1e-6
 """Information on a cause that no flight shows: a thousand times its usual size."""
 UNNAMED = LowPass(2.0 * np.pi * 316.0, 1.74)

@@ -3,34 +3,23 @@
 The vibration is made here, by the formula of an unbalanced rotor; nothing of it is shared with the code under test.
 """
 
-import sys
-from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
-from flight import FlightLog
-from sysid.diagnosis import from_imu
 from sysid.diagnosis.evidence import rotor_line
 from sysid.diagnosis.evidence.rotor_line import Line, _Piece
 
-BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
 DURATION_S = 8.0
 
 
-@pytest.fixture(scope="module", autouse=True)
-def benchmarks():
-    sys.path.insert(0, str(BENCHMARKS))
-    yield
-    sys.path.remove(str(BENCHMARKS))
-
-
-def recorded(seed, strength_m_s2, rate_hz=1000.0, told=1.0):
+def recorded(seed, strength_m_s2, rate_hz=1000.0):
     """Accelerometer of four rotors about 180 turns a second, each with a line of its own in the rotors' plane.
 
     Args:
         strength_m_s2: (4,) amplitudes at the usual speed; they grow with its square.
-        told: what the log says of the rotors' speed over the truth.
     """
     rng, fine_s = np.random.default_rng(seed), 1.0 / 4000.0
     time_s = np.arange(0.0, DURATION_S, fine_s)
@@ -46,12 +35,12 @@ def recorded(seed, strength_m_s2, rate_hz=1000.0, told=1.0):
     felt = np.stack(plane, axis=1)[::every] + np.array([0.0, 0.0, 9.8])
     felt += 0.5 * rng.standard_normal(felt.shape) + 0.8 * np.sin(1050.0 * time_s[::every, None] + np.arange(3))
     felt += np.cumsum(rng.standard_normal(felt.shape), axis=0) * 0.02  # what the vehicle does
-    known = told * (speed[::every] + 3.0 * rng.standard_normal((len(felt), 4)))
+    known = speed[::every] + 3.0 * rng.standard_normal((len(felt), 4))
     return _Piece(time_s[::every], felt, known)
 
 
-def named(piece, scale=1.0) -> Line | None:
-    return rotor_line.strongest(*rotor_line.power([piece], scale))
+def named(piece) -> Line | None:
+    return rotor_line.strongest(*rotor_line.power([piece]))
 
 
 @pytest.mark.parametrize("bent", [0, 3])
@@ -79,41 +68,26 @@ def test_rotors_that_never_differ_are_not_told_apart():
     assert named(alike) is None
 
 
-@pytest.mark.parametrize("told", [0.8, 1.25])
-def test_full_throttles_speed_is_found_by_the_line_where_nobody_measured_it(told):
-    piece = recorded(9, np.array([0.3, 2.5, 0.3, 0.3]), told=told)
-    scale = rotor_line._scale([piece], 1000.0)
-    assert scale == pytest.approx(1.0 / told, rel=0.015)
-    line = named(piece, scale)
-    assert line is not None
-    assert line.rotor == 1
+def told(monkeypatch, piece, **flight) -> tuple[Line | None, str]:
+    monkeypatch.setattr(rotor_line, "_pieces", lambda logs, fit: [piece])
+    fit = SimpleNamespace(flights=[SimpleNamespace(**{"driven_by_command": False} | flight)])
+    return rotor_line.find([], cast("Any", fit))
 
 
-@pytest.mark.slow
-def test_a_diagnosis_names_the_bent_rotor_of_a_log_with_commands_alone():
-    """Full throttle's speed, which the fit takes for 3,000 rad/s, is 2,400."""
-    import without_pose_flights as flights
-
-    rng = np.random.default_rng(8)
-    (log,) = flights.flown(
-        flights.body(), flights.drawn(1, rng), rng, duration_s=14.0, recorder=flights.Recorder(1000.0)
-    )
-    step_s, command = 1e-3, log.columns["motor_command_2_ratio"]
-    speed = np.empty(len(command))
-    speed[0] = 2400.0 * command[0]
-    for k in range(1, len(command)):
-        speed[k] = speed[k - 1] + (2400.0 * command[k - 1] - speed[k - 1]) * (1.0 - np.exp(-step_s / 0.04))
-    strength, phase = 2.5 * (speed / 1130.0) ** 2, np.cumsum(speed) * step_s
-    shaken = {"x": strength * np.cos(phase), "y": strength * np.sin(phase)}
-    names = {axis: f"specific_force_body_{axis}_m_s2" for axis in shaken}
-    columns = {**log.columns, **{names[axis]: log.columns[names[axis]] + wave for axis, wave in shaken.items()}}
-    found = from_imu.diagnose([FlightLog(columns, log.metadata)], flights.start())
-    assert found.bent is not None
-    assert found.bent.rotor == found.as_dict()["bent_rotor"]["rotor"] == 2
-    assert "rotor 2 shakes" in found.verdict
-    sound = from_imu.diagnose([log], flights.start())
-    assert sound.bent is None
-    assert "eRPM" in dict(sound.invisible)["bent_rotor"]
+def test_what_flights_cannot_show_is_said_and_none_is_silent_only_where_every_line_is_weak(monkeypatch):
+    strong, weak = recorded(1, np.array([0.4, 2.5, 0.4, 0.4])), recorded(2, np.full(4, 0.1))
+    found, unseen = told(monkeypatch, strong)
+    assert found is not None
+    assert found.rotor == 1
+    assert not unseen
+    assert told(monkeypatch, weak) == (None, "")
+    alike = _Piece(strong.time_s, strong.force_m_s2, np.repeat(strong.speed_rad_s[:, :1], 4, axis=1))
+    assert "fly rolls and yaws" in told(monkeypatch, alike)[1]
+    assert "eRPM" in told(monkeypatch, strong, driven_by_command=True)[1]
+    slow = _Piece(strong.time_s[::4], strong.force_m_s2[::4], strong.speed_rad_s[::4])
+    assert "draw no line in samples of 250 Hz: log the accelerometer at 40" in told(monkeypatch, slow)[1]
+    short = _Piece(strong.time_s[:900], strong.force_m_s2[:900], strong.speed_rad_s[:900])
+    assert "less than 2 s" in told(monkeypatch, short)[1]
 
 
 def test_the_sentence_names_rotor_and_strength():
