@@ -152,7 +152,7 @@ def _turning(block: _Piece) -> FloatArray:
 
 
 def _alike(pieces: Sequence[_Piece]) -> float:
-    """Of the two rotors that turn most alike: the blocks' median coherence of their phases, 1 where they never differ."""
+    """Of the two rotors that turn most alike, the blocks' median coherence of phases: 1 where they never differ."""
     waves = [np.exp(1j * _turning(block)) for piece in pieces for block in _blocks(piece)]
     coherence = np.median([np.abs(wave.conj().T @ wave) / len(wave) for wave in waves], axis=0)
     return float((coherence - np.eye(len(coherence))).max())
