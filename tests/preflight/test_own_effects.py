@@ -81,3 +81,12 @@ def test_one_on_mass_is_refused_by_name_with_the_way_out(drone, tmp_path):
     idle = drone.with_effect_file(tmp_path / "idle.py")
     with pytest.raises(InputError, match=r"own on mass or motors \(idle\).*goshawk sitl"):
         flown(idle, drone, EXACT)
+
+
+def test_one_that_fails_in_flight_is_told_in_a_sentence(drone, tmp_path):
+    slow = "def _slow(v):\n    1.0 / max(0.0, 0.1 - abs(v[0]))\n\ndef apply"
+    law = DRAG.replace("own_drag", "own_failing").replace("901", "902").replace("def apply", slow)
+    file = tmp_path / "own_failing.py"
+    file.write_text(law.replace("    v = flow.velocity_m_s\n", "    v = flow.velocity_m_s\n    _slow(v)\n"))
+    with pytest.raises(InputError, match=r"effect of your own failed in flight 0 .*ZeroDivisionError.*mend its file"):
+        flown(drone.with_effect_file(file), drone, WINDY)

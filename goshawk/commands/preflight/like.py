@@ -21,7 +21,7 @@ _NO_FLIGHT = preflight.Uncertainty()
 UNTOLD = {"wind_m_s": "no wind, give --wind", "gust_std_m_s": "no gusts"}
 """In words, that an observer does not tell one of `AIR`; without a wind there are no gusts either."""
 _TOLD_M_S = 0.5
-"""Standard error of a wind up to which a flight tells it."""
+"""Standard error of a wind up to which a flight tells it, or up to the wind itself: it is flown with that error."""
 _NAMED = 3
 """Flights that are named in a sentence."""
 _DEG = math.degrees(1.0)
@@ -101,7 +101,7 @@ class _Blown:
     def of(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle], air: Collection[str]) -> "_Blown":
         found = [one for log in logs if (one := _lasted(log, models)) is not None]
         winds = [(math.hypot(*(k.value for k in w)), max(k.std for k in w)) for one in found if (w := one.wind_m_s)]
-        winds = [wind for wind in winds if wind[1] < _TOLD_M_S]
+        winds = [(size, std) for size, std in winds if std < max(_TOLD_M_S, size)]
         gusts = [one.gust_m_s for one in found if one.gust_m_s is not None]
         told: dict[str, float] = {}
         if winds and "wind_m_s" in air:
@@ -112,7 +112,7 @@ class _Blown:
     def sentences(self, flights: str) -> tuple[str, ...]:
         """What is taken: the force is of the air, a load, or an attitude that is off; no log tells them apart."""
         parts = [f"wind of {size:.1f} m/s, from anywhere"] if (size := self.told.get("wind_m_s")) is not None else []
-        parts += [f"gusts up to {size:.1f} m/s"] if (size := self.told.get("gust_std_m_s")) is not None else []
+        parts += [f"gusts of {size:.1f} m/s"] if (size := self.told.get("gust_std_m_s")) is not None else []
         return (
             (f"from {flights}: {', '.join(parts)}, if the force that its observer saw is the air's",) if parts else ()
         )

@@ -77,6 +77,8 @@ def one(
     outputs.check(out, report, overwrite=asked.overwrite)
     if carried_wh is not None and not advise:
         raise InputError("--carried tells until when a way home is left, which --advise looks for: give both")
+    if moments != home.MOMENTS and not advise:
+        raise InputError("--moments are those from which --advise looks for a way home: give both")
     item, believed = trajectory.load(trajectory_file), vehicle.load(vehicle_file)
     like = asked.like({vehicle_file: believed}, wind)
     options = asked.flown(wind, like)

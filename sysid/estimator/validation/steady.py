@@ -75,8 +75,8 @@ class Steady:
     turned: bool
     """Whether the heading changed so much that a tilted thrust axis was fitted too."""
     gust_m_s: float | None = None
-    """Root mean square of the air's level velocity about its mean, each axis, if all that is left is the air's: an
-    upper estimate. None where the model has too little drag to tell it by."""
+    """Root mean square of the air's level velocity about its mean, each axis, if all that is left is the air's;
+    some tenths off in a flight of a minute. None where the model has too little drag to tell it by."""
 
 
 @dataclass(frozen=True, slots=True)

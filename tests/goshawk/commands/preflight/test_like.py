@@ -3,6 +3,8 @@
 import json
 import os
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,9 @@ import vehicle
 from firmware_bridge import Sensors, closed_loop
 from firmware_bridge.controller import State, parameters_of
 from flight import FlightLog, flight_log
+from goshawk.commands.preflight import like
 from goshawk.commands.preflight.like import Like
+from sysid.estimator.validation.steady import Known
 from tests.goshawk.running import answer
 from vehicle import manoeuvres, simulate
 
@@ -82,6 +86,17 @@ def test_an_observer_gives_wind_and_gusts_unless_they_are_asked_for(folder, blow
     asked = Like.of([folder / "blown.parquet"], models=models, air=["gust_std_m_s"])
     assert (asked.wind_m_s, asked.gust_std_m_s) == (0.0, found.gust_std_m_s)
     assert "wind_m_s" not in asked.sources
+
+
+def test_a_wind_that_gusts_make_uncertain_is_flown_with_its_error(monkeypatch):
+    def told(size_m_s, std_m_s):
+        seen = SimpleNamespace(wind_m_s=(Known(size_m_s, std_m_s), Known(0.0, std_m_s)), gust_m_s=1.2)
+        monkeypatch.setattr(like, "_lasted", lambda log, models: seen)
+        return like._Blown.of([cast("Any", None)], {}, like.AIR).told
+
+    assert told(3.0, 0.55)["wind_m_s"] == 3.0
+    assert told(3.0, 1.5)["wind_spread_ratio"] == pytest.approx(0.5)
+    assert "wind_m_s" not in told(0.6, 0.7)
 
 
 def test_a_flight_of_another_model_tells_no_wind(folder, blown):
