@@ -15,7 +15,7 @@ from flight import FloatArray, Waypoints, portable
 from planner.curve import minimum_snap
 from planner.curve.minimum_snap import Spline
 from planner.gate import instants, limits
-from planner.optimise import descents, fastest, time_allocation
+from planner.optimise import descents, time_allocation
 from planner.optimise.fastest import Path
 from planner.optimise.time_allocation import Problem, Solution
 from planner.request import space
@@ -97,7 +97,7 @@ def _drawn_along(path: Path, index: int, shift_m: FloatArray) -> tuple[Spline, n
             T[first:last] *= np.clip(now / max(was, 1e-9), *_LONGER)
     changed = np.zeros(len(T), dtype=bool)
     changed[before:after] = True
-    changed = fastest.grown(changed, _REACH)
+    changed = descents.grown(changed, _REACH)
     [(first, last)] = descents.runs(changed)
     velocity = None if path.kept is None else path.kept.problem.velocity
     states[first : last + 1] = minimum_snap.solve(

@@ -17,7 +17,7 @@ from planner.planning import Plan
 from planner.request import inputs, space
 from planner.request.conditions import OF_LEGS, Conditions
 from planner.request.inputs import Request
-from planner.request.options import DEFAULTS, PlanInfeasibleError, PlanOptions
+from planner.request.options import PlanInfeasibleError, PlanOptions
 from vehicle import Vehicle
 
 _OF_WAYPOINTS = ("velocity_world_m_s", "fly_by_m", "gate_edges_m")
@@ -40,10 +40,9 @@ def plan(
     Its yaw record, where it has one, comes before the options' own. Raises as `planner.plan`; the waypoints in messages
     are numbered as flown, laps unrolled.
     """
-    options = with_yaw(DEFAULTS if options is None else options, mission)
+    options = with_yaw(inputs.options_for(vehicle, options), mission)
     # numbered as the pilot listed them, before anything is taken apart
-    request = Request(mission.waypoints, field, vehicle, options, Conditions())
-    options = inputs.check(request, may_turn=True).options
+    inputs.check(Request(mission.waypoints, field, vehicle, options, Conditions()), may_turn=True)
     flown = mission.unrolled()
     _check_stays(flown)
     _check_turns(flown)

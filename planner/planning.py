@@ -89,7 +89,13 @@ def plan(
         PlanInfeasibleError: there is no path, or none within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: `stop` was set, from another thread.
     """
-    return from_scratch(waypoints, field, vehicle, options, conditions, stop, progress)[1]
+    path, route = from_scratch(waypoints, field, vehicle, options, conditions, stop, progress)
+    return of_path(path, waypoints, route.points)
+
+
+def of_path(path: Path, waypoints: Waypoints, route_world_m: FloatArray) -> Plan:
+    """The plan that is this path, which has passed the gate."""
+    return Plan(path.trajectory, path.report, waypoints, route_world_m, path.method, (path.optimum,))
 
 
 def from_scratch(
@@ -100,12 +106,12 @@ def from_scratch(
     conditions: Conditions | None,
     stop: StopFlag | None,
     progress: Progress = silent,
-) -> tuple[Path, Plan]:
+) -> tuple[Path, routes.Route]:
     """As `plan`, with what a later plan can start from."""
     progress("route", 0.0)
     request = inputs.admitted(waypoints, field, vehicle, options, conditions, stop)
     asked = request.conditions
-    inside = replace(request, field=asked.room(field, request.options))
+    inside = replace(request, field=asked.room(request.options.roomier(field), request.options))
     route = routes.of(inside)
     progress("optimise", 0.2)
 
@@ -117,7 +123,7 @@ def from_scratch(
     progress("gate", 1.0)
     if not path.report.passed:
         raise refused(path)
-    return path, Plan(path.trajectory, path.report, waypoints, route.points, path.method, (path.optimum,))
+    return path, route
 
 
 def refused(path: Path) -> PlanInfeasibleError:

@@ -22,12 +22,10 @@ from planner.drafting import Draft
 from planner.gate import gate
 from planner.optimise import fastest
 from planner.planning import Plan
-from planner.request import inputs
+from planner.request import inputs, space
 from planner.request.conditions import Conditions, may_move
 from planner.request.inputs import Request
 from planner.request.options import PlanOptions, check_stop
-from planner.request.space import DistanceField
-from planner.route import search
 from vehicle import Limits, Vehicle
 
 
@@ -59,7 +57,7 @@ class Planner:
     def __init__(
         self,
         waypoints: Waypoints,
-        field: DistanceField,
+        field: space.DistanceField,
         vehicle: Vehicle,
         options: PlanOptions | None = None,
         *,
@@ -69,13 +67,14 @@ class Planner:
         """Plans from scratch, until it is told to `stop` from another thread. Raises as `planner.plan`."""
         asked = Conditions() if conditions is None else conditions
         self._field, self._vehicle = field, vehicle
+        self._options = inputs.options_for(vehicle, options)
         self._stop = StopFlag() if stop is None else stop
         self._flags, self._working, self._swap = threading.Lock(), threading.Lock(), threading.Lock()
         self._foreseen: _Answer | None = None
         """Of a move from the plan as it is."""
-        self._options = self._accept(self._scratch(waypoints, asked, options, self._stop)).gate.options
+        self._accept(self._scratch(waypoints, asked, self._options, self._stop))
         self._stop = StopFlag()
-        self._room = self._conditions.room(field, self._options)
+        self._room = self._conditions.room(self._options.roomier(field), self._options)
 
     @property
     def plan(self) -> Plan:
@@ -179,8 +178,13 @@ class Planner:
             raise InputError(f"there is no waypoint {index + 1}; there are {len(waypoints.yaw_rad)}")
         return waypoints
 
-    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions | None, stop: StopFlag) -> _Answer:
-        return _Answer(*planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop))
+    def _scratch(self, waypoints: Waypoints, asked: Conditions, options: PlanOptions, stop: StopFlag) -> _Answer:
+        path, route = planning.from_scratch(waypoints, self._field, self._vehicle, options, asked, stop)
+        return self._answer(path, route.points, waypoints)
+
+    @staticmethod
+    def _answer(path: fastest.Path, route_world_m: FloatArray, waypoints: Waypoints) -> _Answer:
+        return _Answer(path, planning.of_path(path, waypoints, route_world_m))
 
     def _accept(self, answer: _Answer) -> Plan:
         path, self._foreseen = answer.path, None
@@ -211,8 +215,7 @@ class Planner:
             path = self._mended(request, old, new)
         if path is None or not path.report.passed or path.kept is None:
             return self._scratch(waypoints, asked, self._options, stop)
-        route_m = path.kept.spline.states[:, 0, :3]
-        return _Answer(path, Plan(path.trajectory, path.report, waypoints, route_m, path.method, (path.optimum,)))
+        return self._answer(path, path.kept.spline.states[:, 0, :3], waypoints)
 
     def _mended(self, request: Request, old: tuple[int, int], new: tuple[int, int]) -> fastest.Path | None:
         """The last path with new legs, optimised again near them; None if that does not keep clear of obstacles."""
@@ -324,7 +327,7 @@ class Planner:
 
     def _free(self, points: FloatArray) -> bool:
         required = self._options.planned_clearance_m
-        return all(line.free for line in search.check_lines(self._room, points[:-1], points[1:], required))
+        return all(line.free for line in space.check_lines(self._room, points[:-1], points[1:], required))
 
 
 def _point(position_world_m: ArrayLike) -> FloatArray:

@@ -13,6 +13,7 @@ from planner.optimise import repair
 from planner.optimise.fastest import Optimum, Path
 from planner.request import inputs
 from planner.request.inputs import Request
+from planner.request.options import check_stop
 
 _PEAK_RATE, _PEAK_ACCELERATION = 2.1875, 7.5132
 """Of the smoothest turn by one radian within one second from rest to rest, a polynomial of degree seven."""
@@ -26,6 +27,7 @@ def plan(request: Request) -> planning.Plan:
         PlanInfeasibleError: it is not within the limits; with `segment`, `reason` and `remedy`.
         PlanCancelledError: the request's `stop` was set.
     """
+    check_stop(request.stop)
     inputs.check(request, may_turn=True)
     waypoints = request.waypoints
     spline = _smoothest(waypoints, instants.yaw_bounds(request.vehicle, request.limits))
@@ -36,8 +38,7 @@ def plan(request: Request) -> planning.Plan:
     path = replace(slowed, optimum=Optimum(slowed.trajectory.duration_s, converged=True, residual=0.0))
     if not path.report.passed:
         raise planning.refused(path)
-    points = waypoints.positions_world_m
-    return planning.Plan(path.trajectory, path.report, waypoints, points, path.method, (path.optimum,))
+    return planning.of_path(path, waypoints, waypoints.positions_world_m)
 
 
 def _smoothest(waypoints: Waypoints, can: heading.Bounds) -> minimum_snap.Spline:

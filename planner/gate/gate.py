@@ -159,8 +159,7 @@ def check(
         space_ = field if asked.ground_world_m is None else Grounded(field, asked.ground_world_m, options.clearance_m)
         clearance = _clearance(trajectory, space_, options.clearance_m)
         progress("gate", 0.4)
-        smooth, clear = _continuity(trajectory), [_clearance_check(clearance, options.clearance_m, vehicle)]
-        clear += _local_clearance(trajectory, space_, options)
+        smooth, clear = _continuity(trajectory), _clearance_check(clearance, options.clearance_m, vehicle)
         met: visits.Visits | None = None
         if waypoints_world_m is not None:
             passed, met = visits.reached(trajectory, waypoints_world_m, asked, options)
@@ -169,7 +168,8 @@ def check(
                 met = visits.turned(trajectory, met, waypoints_world_m, yaw_rad)
         joins_s = None if met is None else met.joins_s(trajectory)
         checks += [*conditions_met.checks(trajectory, met, asked), *smooth]
-        checks += [*conditions_met.headings(trajectory, joins_s, yaw_rad, options), *clear]
+        checks += [*conditions_met.headings(trajectory, joins_s, yaw_rad, options), clear]
+        checks += _local_clearance(trajectory, space_, options)
         bounds = options.limits_for(vehicle)
         usage, found = limits.measure(trajectory, vehicle, bounds, step_s=options.sample_step_s, known=known, stop=stop)
         checks += found

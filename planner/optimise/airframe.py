@@ -62,8 +62,11 @@ class Airframe:
     effort_hover: FloatArray
     mix: FloatArray
     """(r, 4) effort of each rotor by thrust per mass (m/s2) and by the three torques (N m)."""
-    names: tuple[str, ...]
-    """What each column of an excess belongs to."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What each column of an excess belongs to."""
+        return names_of(len(self.effort_hover))
 
 
 def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
@@ -102,7 +105,6 @@ def reduced(vehicle: Vehicle, limits: Limits) -> Airframe:
         ),
         effort_hover=np.append(hover**2 / mean_square, idle),
         mix=np.concatenate([mix, np.zeros((len(idle), 4))]),
-        names=names_of(vehicle.rotors + len(idle)),
     )
 
 

@@ -90,15 +90,15 @@ class Attempts:
 
     def _from_starts(self, request: Request) -> Path | None:
         """The fastest path from as many starts of the descent as are asked for, the first of equals."""
-        if request.options.starts == 1:
-            return self._from_start(0, request)
         begun = self._begun(request)
+        if request.options.starts == 1:
+            return self._from_start(0, begun, request)
         stop = StopFlag() if request.stop is None else request.stop
         request = replace(request, stop=stop)
 
         def attempt(number: int) -> Path | PlanInfeasibleError | None:
             try:
-                return self._from_start(number, request, begun)
+                return self._from_start(number, begun, request)
             except PlanInfeasibleError as error:
                 return error
 
@@ -119,9 +119,8 @@ class Attempts:
         low, high = (descents.least_snap(problem, spline, request.stop) for problem, spline, _ in (here, there))
         return _Begun(*there, high) if high.cost < _LOWER * low.cost else _Begun(*here, low)
 
-    def _from_start(self, number: int, request: Request, begun: _Begun | None = None) -> Path | None:
+    def _from_start(self, number: int, begun: _Begun, request: Request) -> Path | None:
         """The path from one start of the descent: the first on its way that comes through the gate."""
-        begun = self._begun(request) if begun is None else begun
         path, index, progress = None, begun.waypoint, self.progress if number == 0 else silent
         clearance_m = request.options.clearance_m
         for there in descents.starts(begun.problem, begun.spline, clearance_m, request.stop, number, begun.first):

@@ -36,11 +36,11 @@ _SHORT = 60
 """Segments up to which an open path descends in two more ways, by the first two of these prices, the second from slower
 times, and the fastest is kept. Of 120 walks one took .5 % more than the best of eight starts with one way, .3 % with
 two and .2 % with three; over longer paths such differences even out."""
-PRECISION, KINKED, _LOWEST, _GENTLE, STEEP = 1e-5, 1e-4, 1e-5, 1e-4, 5e-4
+_PRECISION, _KINKED, _LOWEST, _GENTLE, _STEEP = 1e-5, 1e-4, 1e-5, 1e-4, 5e-4
 """Share of the cost that four steps together gain where a descent ends: the one before the vehicle's own model is
 asked, in the open and among obstacles, whose distance has kinks; those that lead to it in the open, at the lowest price
 and the others; and those among obstacles. Among them 1e-5 takes twice the steps, for flights .02 % longer in 50 scenes;
-while whole paths are corrected, `STEEP` takes 21 % fewer, for flights .03 % shorter in 50 others.
+while whole paths are corrected, `_STEEP` takes 21 % fewer, for flights .03 % shorter in 50 others.
 What path it becomes is settled at the lowest price: ended there at 1e-4, one of 120 walks took .95 % more than the best
 of eight starts, and .5 % at 1e-5, for 13 % more work; a walk of 50 waypoints took 46 % more."""
 _HOLD = 0.05
@@ -94,17 +94,20 @@ def starts(
         ways = [(spline, apart)]
         if number == 0 and len(spline.durations_s) <= _SHORT:
             ways += zip((spline, slower), _OTHERS[:2], strict=True)
-        ends = (_gently(problem, begin, prices, True, stop) for begin, prices in ways)
-        found = min(ends, key=lambda end: end.durations_s.sum())
-        if found.cost < _SOUND * found.durations_s.sum():
+        found = min((_gently(problem, begin, prices, True, stop) for begin, prices in ways), key=_flight_s)
+        if _sound(found):
             yield found
     first = least_snap(problem, spline, stop) if first is None or slow else first
     problem = replace(problem, knots=first.knots)
-    if not clear:
-        found = _gently(problem, first.spline, among, False, stop)
-        if found.cost < _SOUND * found.durations_s.sum():
-            yield found
+    if not clear and _sound(found := _gently(problem, first.spline, among, False, stop)):
+        yield found
     yield first
+
+
+def precision(in_open: bool) -> tuple[float, float]:
+    """At which share of the cost descents end, of which the vehicle's own model is asked: of the whole path at first,
+    and later ones."""
+    return (_PRECISION, _PRECISION) if in_open else (_STEEP, _KINKED)
 
 
 def in_the_open(problem: Problem, spline: Spline, clearance_m: float) -> bool:
@@ -112,11 +115,19 @@ def in_the_open(problem: Problem, spline: Spline, clearance_m: float) -> bool:
     return esdf.certify(problem.field, minimum_snap.trajectory(spline), 2.0 * clearance_m).passed
 
 
+def _flight_s(found: Solution) -> float:
+    return float(found.durations_s.sum())
+
+
+def _sound(found: Solution) -> bool:
+    return found.cost < _SOUND * _flight_s(found)
+
+
 def _gently(
     problem: Problem, spline: Spline, prices: tuple[float, ...], clear: bool, stop: StopFlag | None
 ) -> Solution:
     """Where the descent comes to at rising prices on limits and clearance: the way from there is less steep."""
-    full, precision = problem.weights, _LOWEST if clear else STEEP
+    full, precision = problem.weights, _LOWEST if clear else _STEEP
     for price in (*prices, full.limits):
         clearance = full.clearance * np.sqrt(price / full.limits)
         weights = replace(full, limits=price, clearance=float(clearance))
@@ -167,6 +178,12 @@ def in_parts(
         states[first : last + 1] = found.spline.states
         converged, residual = converged and found.converged, float(np.fmax(residual, found.residual))
     return Descended(Spline(durations, states), converged, residual)
+
+
+def grown(segments: np.ndarray, reach: int) -> np.ndarray:
+    """(k,) bool: the segments and their neighbours up to `reach` away."""
+    around = np.ones(2 * reach + 1)
+    return np.convolve(segments.astype(float), around)[reach : reach + len(segments)] > 0.5
 
 
 def runs(segments: np.ndarray) -> list[tuple[int, int]]:

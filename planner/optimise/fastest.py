@@ -13,18 +13,17 @@ import numpy as np
 import esdf
 from flight import FloatArray, Progress, Trajectory, polynomial, silent
 from flight.trajectory import LONGEST_S
-from planner._planner import StopFlag
 from planner.curve import minimum_snap
 from planner.curve.attitude import Memory, segment_keys
 from planner.gate import limits
 from planner.gate.gate import AskGate, GateReport
-from planner.optimise import airframe, descents, time_allocation
+from planner.optimise import descents
+from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem
 from planner.request import space
 from planner.request.conditions import Conditions
 from planner.request.inputs import Request
-from planner.request.options import PlanInfeasibleError, check_stop
-from vehicle import Vehicle
+from planner.request.options import PlanInfeasibleError
 
 _WHOLE = 3
 """Rounds about all segments; later ones mend what is exceeded here and there."""
@@ -39,129 +38,6 @@ _REACH, _FAR = 4, 6
 """Neighbours on either side that are; so many where a waypoint has moved."""
 _LOOKED_AT = np.linspace(0.0, 1.0, 33)
 """Where in each segment clearance is looked at, once the path is known to lack some."""
-_SPARE = 0.006
-"""Relative excess that is kept from every limit, for what is not measured."""
-_STRICTER = 0.005, 1.0
-"""The same where the gate, with its finer samples, found a limit exceeded, more each time it does: at least, and as a
-share of the excess. At least 0.01, two equal starts ended 0.3 % apart where a path near free fall was refused; with a
-share of 0.5 the gate refused a maze's path five times, with 1 twice at most of 50 scenes."""
-_FARTHER_M = 0.002, 0.01
-"""Least and most clearance that is aimed at beyond what was, each time some is lacking."""
-_NEAR = 0.3
-"""The vehicle's own model is expensive: it is asked in segments where a limit is nearer than this."""
-_MOST, _RISE, _FALL = 0.5, 0.1, 0.5
-"""Largest correction of the reduced model; how much it grows in one round, and the share by which it comes down. At a
-large one the path is another, for which it would be wrong again: growing in steps, path and correction come to rest."""
-_GROUP = 100
-"""Segments in which it is asked together: more would make cancelling slow."""
-_IMPOSSIBLE = 0.2
-"""Excess of every rotor where no rotor speeds give the motion."""
-
-
-class Corrections:
-    """What is added to the reduced model's excess at each sample, (k, samples, limits), and to the clearance."""
-
-    def __init__(self, segments: int, columns: int = airframe.COLUMNS) -> None:
-        """
-        Args:
-            columns: of the airframe's excess.
-        """
-        shape = (segments, time_allocation.SAMPLES, columns)
-        self.model, self.between, self.multiplier = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-        self.measured, self.believed = np.zeros(shape), np.zeros(shape)
-        """The correction that was measured last, and the excess with the one that is believed."""
-        self.gate = np.full((segments, 1, columns), _SPARE)
-        self.farther_m = np.zeros(segments)
-        """As `Problem.farther_m`."""
-
-    def spliced(self, first: int, last: int, segments: int) -> "Corrections":
-        """A copy in which the segments from `first` up to `last` are replaced by so many new ones, none measured yet.
-
-        Where the number stays the same, what was measured of the old ones is where the new ones start from.
-        """
-        fresh = Corrections(segments, self.gate.shape[-1])
-        copy = Corrections(0, self.gate.shape[-1])
-        for name, old in vars(self).items():
-            new = old[first:last] if segments == last - first else getattr(fresh, name)
-            setattr(copy, name, np.concatenate([old[:first], new, old[last:]]))
-        return copy
-
-    @property
-    def _names(self) -> tuple[str, ...]:
-        return airframe.names_of((self.gate.shape[-1] - len(airframe.names_of(0))) // 2)
-
-    def unpressed(self) -> "Corrections":
-        """A copy with what was measured, and no multipliers yet."""
-        copy = self.spliced(0, 0, 0)
-        copy.multiplier[:] = 0.0
-        return copy
-
-    def total(self) -> FloatArray:
-        return self.model + self.between + self.multiplier + self.gate
-
-    def measure(
-        self,
-        problem: Problem,
-        spline: minimum_snap.Spline,
-        path: Trajectory,
-        vehicle: Vehicle,
-        touched: np.ndarray,
-        memory: Memory | None = None,
-        stop: StopFlag | None = None,
-    ) -> FloatArray:
-        """Ask the vehicle's own model in segments `touched` (k,); what it says each excess is, (k, samples, limits).
-
-        Raises:
-            PlanCancelledError: `stop` was set.
-        """
-        reduced, peaks = time_allocation.excess(problem, spline)
-        near = np.flatnonzero(touched & ((peaks + self.model).max(axis=(1, 2)) > -_NEAR))
-        for group in np.split(near, range(_GROUP, len(near), _GROUP)) if near.size else []:
-            check_stop(stop)
-            full = time_allocation.measured_excess(
-                problem.airframe,
-                vehicle,
-                path,
-                group,
-                time_allocation.FRACTIONS,
-                problem.speed_m_s,
-                problem.jerk_m_s3,
-                memory,
-            )
-            full = np.where(np.isfinite(full), full, np.maximum(reduced[group], 0.0) + _IMPOSSIBLE)
-            self.measured[group] = np.clip(full - reduced[group], -_MOST, _MOST)
-            self.model[group] = _approached(self.model[group], self.measured[group])
-        self.between = _approached(self.between, peaks - reduced)
-        self.believed = peaks + self.model
-        return peaks + self.measured
-
-    def press(self, touched: np.ndarray) -> None:
-        """Raise the multipliers of what is believed to be exceeded, lower those of what is not."""
-        pressed = np.maximum(0.0, self.believed + self.gate + self.multiplier)
-        self.multiplier = np.where(touched[:, None, None], pressed, self.multiplier)
-
-    def active(self, touched: np.ndarray) -> tuple[str, ...]:
-        """The limit of each segment with the largest multipliers, "" for none; where untouched, of the last round."""
-        now = np.maximum(0.0, self.believed + self.gate + self.multiplier)
-        held = np.where(touched[:, None, None], now, self.multiplier).sum(axis=1)
-        return tuple(self._names[most] if held[i, most] > 0.0 else "" for i, most in enumerate(held.argmax(axis=1)))
-
-    def farther(self, lack_m: FloatArray) -> None:
-        """Aim at more clearance in segments that lack some, (k,), infinite where it is not known how much."""
-        self.farther_m = self.farther_m + np.where(lack_m > 0.0, np.clip(lack_m, *_FARTHER_M), 0.0)
-
-    def stricter(self, used: limits.Usage, on_legs: dict[str, np.ndarray]) -> None:
-        """Keep more from the limits that the gate found exceeded, in those segments only.
-
-        Args:
-            on_legs: by name of the limit, (k,) bool, where what is asked for on a leg is.
-        """
-        columns = np.array([limits.NAMES.index(name) for name in self._names])
-        exceeded, excess = ~used.passed[columns].T, np.nan_to_num(used.share[columns].T - 1.0, nan=0.0)
-        for name, beyond in on_legs.items():
-            exceeded[:, self._names.index(name)] |= beyond
-        least, share = _STRICTER
-        self.gate[:, 0] += np.where(exceeded, np.clip(share * excess, least, 10.0 * least), 0.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -270,13 +146,15 @@ def until_flyable(
         drawn: False where only places of the knots about `wrong` are known.
         corrections, used: those of an earlier answer, and what the gate found of it.
     """
-    corrections = corrections or Corrections(len(spline.durations_s), len(problem.airframe.names))
+    corrections = (
+        Corrections(len(spline.durations_s), len(problem.airframe.names)) if corrections is None else corrections
+    )
     memory = Memory()  # the last path that is measured is the one that the gate looks at
     proven = set[bytes]()
     optimum_s, bends, begun = np.nan, 0, _WHOLE if wrong is not None else 0
     early, rounds, may_gain = None, _ROUNDS, begun == 0
     in_open = descents.in_the_open(problem, spline, request.options.clearance_m)
-    at_first, later = (descents.PRECISION,) * 2 if in_open else (descents.STEEP, descents.KINKED)
+    at_first, later = descents.precision(in_open)
     for round_ in range(begun, _ROUNDS):
         if early is not None and round_ == rounds:
             judged, early = early.judged(ask_gate, limits.Known(used, memory)), None
@@ -287,7 +165,7 @@ def until_flyable(
         offsets, farther_m = corrections.total(), corrections.farther_m
         problem = replace(problem, offsets=offsets, farther_m=farther_m, reference_s=charged_s)
         reach = _FAR if round_ == begun else _REACH
-        touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else grown(wrong, reach)
+        touched = np.ones(len(spline.durations_s), dtype=bool) if wrong is None else descents.grown(wrong, reach)
         if round_ == begun and not drawn:
             spline = descents.redrawn(problem, spline, touched, request.stop)
         precision = at_first if round_ < _WHOLE else later
@@ -306,9 +184,8 @@ def until_flyable(
                 continue
             judged = here.judged(ask_gate, limits.Known(used, memory))
             used = judged.report.usage and (now.path, judged.report.usage)
-            passed = judged.report.passed
             slower, on_legs = _refused(judged.report, request.conditions, waypoint)
-            if passed or last or not slower.any():  # nothing else gets better by more rounds
+            if judged.report.passed or last or not slower.any():  # nothing else gets better by more rounds
                 return _better(early, judged, ask_gate, limits.Known(used, memory))
             assert used is not None
             corrections.stricter(used[1], on_legs)
@@ -321,7 +198,7 @@ def until_flyable(
             problem = _dearer(problem)
             corrections.farther(now.lack_m)
             exceeded = exceeded | (now.lack_m > 0.0)
-        few = grown(exceeded, _REACH).mean() < _FEW
+        few = descents.grown(exceeded, _REACH).mean() < _FEW
         wrong = exceeded if wrong is not None or few or round_ + 1 >= _WHOLE else None
     return early and early.judged(ask_gate, limits.Known(used, memory))
 
@@ -357,18 +234,6 @@ def _measured(
         proven.clear()
     lack_m = _lacking(request, path, proven)
     return _Round(problem, descended, touched, path, optimised_s, exceeded, relieved, lack_m)
-
-
-def _approached(believed: FloatArray, measured: FloatArray) -> FloatArray:
-    """A correction on its way to what was measured."""
-    falling = believed + _FALL * (measured - believed)
-    return np.where(measured > believed, np.minimum(measured, believed + _RISE), falling)
-
-
-def grown(segments: np.ndarray, reach: int) -> np.ndarray:
-    """(k,) bool: the segments and their neighbours up to `reach` away."""
-    around = np.ones(2 * reach + 1)
-    return np.convolve(segments.astype(float), around)[reach : reach + len(segments)] > 0.5
 
 
 def _lacking(request: Request, path: Trajectory, proven: set[bytes]) -> FloatArray:

@@ -15,6 +15,7 @@ from planner.optimise.attempts import Attempts
 from planner.optimise.fastest import Optimum, Path
 from planner.optimise.time_allocation import Problem, Solution, Weights
 from planner.request import conditions, space
+from planner.request.conditions import Conditions
 from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError
 from planner.route import corridor, routes
@@ -54,8 +55,8 @@ def flyable(route: routes.Route, request: Request, ask_gate: AskGate, progress: 
     attempts = partial(Attempts, dense.waypoint, request, ask_gate)
     if options.method == "fastest":
         report = within(progress, "optimise", 0.2, 1.0)
-        higher = lifted(dense, field)
         few, start = rough(dense, field, request)
+        higher = lifted(dense, field)
         above = None if higher is None else rough(higher, field, request)[1]
         path = attempts(few, start, above, CLEARANCE_PRICE, report).best()
         if path is not None:
@@ -112,7 +113,6 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
     asked, options = request.conditions, request.options
     at_knots = asked.at_knots(request.waypoints.positions_world_m, route.waypoint, request.limits)
     may_move = (route.waypoint < 0) | conditions.may_move(at_knots, len(route.points))
-    given_speeds = asked.given_speeds(at_knots["velocity"])
     frame = airframe.reduced(request.vehicle, request.limits)
     problem = Problem(
         knots=np.column_stack([route.points, np.zeros(len(route.points))]),
@@ -120,7 +120,7 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
         airframe=frame,
         target_world_m=options.target_world_m,
         field=obstacles,
-        clearance_m=time_allocation.aim(obstacles, options.clearance_m) + AIM_M,
+        clearance_m=space.aim(obstacles, options.clearance_m) + AIM_M,
         weights=Weights(snap=1e-5),
         start=asked.start,
         end=asked.end,
@@ -128,7 +128,7 @@ def rough(route: routes.Route, obstacles: space.DistanceField, request: Request)
     )
     lengths = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
     pace = np.full(len(route.points), 0.3 * min(frame.speed_m_s, frame.acceleration_m_s2))
-    for knot, given in given_speeds:
+    for knot, given in _given_speeds(asked, at_knots["velocity"]):
         pace[knot] = max(pace[knot], given)
     allowed = np.inf if problem.speed_m_s is None else _graded(0.6 * problem.speed_m_s)
     slow = np.maximum(lengths, 0.3) / np.minimum(np.maximum(pace[:-1], pace[1:]), allowed)
@@ -148,6 +148,13 @@ def _graded(pace_m_s: FloatArray) -> FloatArray:
     for i in range(len(graded) - 1, 0, -1):
         graded[i - 1] = min(graded[i - 1], _GRADED * graded[i])
     return graded
+
+
+def _given_speeds(asked: Conditions, velocity: FloatArray | None) -> list[tuple[int, float]]:
+    """Knots whose speed is given, and that speed."""
+    inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
+    ends = [(knot, motion[0]) for knot, motion in ((0, asked.start), (-1, asked.end)) if motion is not None]
+    return [(knot, float(portable.length(v[:3]))) for knot, v in inner + ends]
 
 
 def _timed(spline: minimum_snap.Spline, waypoint: np.ndarray, method: str, request: Request, ask_gate: AskGate) -> Path:

@@ -9,16 +9,14 @@ from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 
-from flight import FloatArray, Trajectory, polynomial
+from flight import FloatArray
 from planner._planner import Problem as Kernel
 from planner._planner import StopFlag
-from planner.curve import attitude, minimum_snap
-from planner.curve.attitude import Memory
+from planner.curve import minimum_snap
 from planner.optimise import airframe
 from planner.optimise.airframe import Airframe
 from planner.request import space
 from planner.request.options import check_stop
-from vehicle import Vehicle, invert
 
 SAMPLES = 11
 """Points per segment where limits and clearance are looked at, both ends among them."""
@@ -145,14 +143,6 @@ class Solution:
     """Share of the cost that the quadratic model still promises."""
 
 
-def aim(field: space.DistanceField, required_m: float) -> float:
-    """The interpolated distance at which `required_m` is certain."""
-    grid = getattr(field, "grid", None)
-    if grid is None:
-        return required_m
-    return float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
-
-
 def cost_and_gradient(
     problem: Problem, knots: FloatArray, durations_s: FloatArray
 ) -> tuple[float, FloatArray, FloatArray]:
@@ -237,46 +227,6 @@ def excess(problem: Problem, spline: minimum_snap.Spline) -> tuple[FloatArray, F
     return fine[:, ::_BETWEEN], peaks
 
 
-def measured_excess(
-    frame: Airframe,
-    vehicle: Vehicle,
-    trajectory: Trajectory,
-    segments: np.ndarray,
-    fractions: FloatArray,
-    speed_m_s: FloatArray | None = None,
-    jerk_m_s3: FloatArray | None = None,
-    memory: Memory | None = None,
-) -> FloatArray:
-    """The excess (s, f, limits) from the vehicle's own model, at fractions (f,) of the given segments (s,).
-
-    NaN where it cannot fly the motion at all. `speed_m_s` and `jerk_m_s3` (k,) are limits of all segments, if not the
-    airframe's.
-    """
-    k = len(trajectory.durations_s)
-    most = np.full(k, frame.speed_m_s) if speed_m_s is None else speed_m_s
-    most_jerk = np.full(k, frame.jerk_m_s3) if jerk_m_s3 is None else jerk_m_s3
-    w, values = frame, attitude.sampled(vehicle, trajectory, segments, fractions, memory)
-    effort = values[..., attitude.ROTOR] ** 2 / np.mean(invert.hover(vehicle) ** 2)
-    idle = np.zeros((*effort.shape[:-1], len(w.effort_hover) - effort.shape[-1]))
-    effort = np.concatenate([effort, idle], axis=2) if idle.size else effort
-    rate = values[..., attitude.RATE]
-    times = fractions * trajectory.durations_s[segments, None]
-    c = trajectory.coefficients[segments, :3]
-    speed, push, jerk = (
-        (polynomial.evaluate(polynomial.differentiate(c, r)[:, None], times[..., None]) ** 2).sum(axis=2)
-        for r in (1, 2, 3)
-    )
-    single = [
-        speed / most[segments, None] ** 2 - 1.0,
-        push / np.square(w.acceleration_m_s2) - 1.0,
-        jerk / most_jerk[segments, None] / most_jerk[segments, None] - 1.0,  # no square of a huge limit
-        (w.cos_tilt - values[..., attitude.UP]) / (1.0 - w.cos_tilt),
-        (rate[..., :2] ** 2).sum(axis=2) / np.square(w.rate_rad_s) - 1.0,
-        rate[..., 2] ** 2 / np.square(w.yaw_rate_rad_s) - 1.0,
-    ]
-    return np.concatenate([np.stack(single, axis=2), effort - w.effort_most, w.effort_least - effort], axis=2)
-
-
 def optimise(
     problem: Problem,
     durations_s: FloatArray,
@@ -337,8 +287,8 @@ def refine(
 
 def _kernel(problem: Problem, samples: int = SAMPLES) -> Kernel:
     packed, prices = _packed(problem.airframe), np.array(astuple(problem.weights))
-    aim_m = problem.aim_m
     given = minimum_snap.given(problem.knots, problem.start, problem.end, problem.velocity)
+    aim_m = problem.aim_m
     distances = space.around_path(problem.field, problem.knots[:, :3], float(aim_m.max()))
     kernel = Kernel(len(problem.knots) - 1, samples, packed, prices, aim_m, distances)
     kernel.set_given(*given)

@@ -185,12 +185,6 @@ class Conditions:
             "jerk_m_s3": None if self.leg_jerk_m_s3 is None else np.minimum(jerk, limits.largest_jerk_m_s3),
         }
 
-    def given_speeds(self, velocity: FloatArray | None) -> list[tuple[int, float]]:
-        """Knots whose speed is given, and that speed, from their `velocity` (k + 1, 4) as in `AtKnots`."""
-        inner = [] if velocity is None else [(int(i), velocity[i]) for i in np.flatnonzero(np.isfinite(velocity[:, 0]))]
-        ends = [(knot, motion[0]) for knot, motion in ((0, self.start), (-1, self.end)) if motion is not None]
-        return [(knot, float(portable.length(v[:3]))) for knot, v in inner + ends]
-
     @property
     def tube(self) -> space.KeepIn | None:
         """The tube that the path stays in, if any."""
@@ -199,8 +193,7 @@ class Conditions:
         return space.KeepIn(self.keep_in_world_m, float(self.keep_in_radius_m))
 
     def room(self, field: space.DistanceField, options: PlanOptions) -> space.DistanceField:
-        """The field to plan in: with more room where margins are larger, and inside the tube, if there is one."""
-        field = options.roomier(field)
+        """The field to plan in: inside the tube, if there is one."""
         return field if self.tube is None else space.Within(field, self.tube, options.clearance_m)
 
     def check_inside(self, points_world_m: FloatArray) -> None:

@@ -10,7 +10,7 @@ from flight.trajectory import LONGEST_S
 from planner._planner import StopFlag
 from planner.request import space
 from planner.request.conditions import Conditions
-from planner.request.options import DEFAULTS, PlanInfeasibleError, PlanOptions, check_stop
+from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from vehicle import Limits, Vehicle, allocation, invert
 
 MOST_WAYPOINTS = 2000
@@ -44,6 +44,17 @@ class Request:
         return self.options.limits_for(self.vehicle)
 
 
+def options_for(vehicle: object, options: PlanOptions | None) -> PlanOptions:
+    """The options, the defaults if None, with the vehicle's own radius where they leave it open.
+
+    Raises:
+        InputError: there is no vehicle.
+    """
+    if not isinstance(vehicle, Vehicle):
+        raise InputError(f"expected a vehicle, got {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
+    return (PlanOptions() if options is None else options).sized(vehicle)
+
+
 def admitted(
     waypoints: Waypoints,
     field: space.DistanceField,
@@ -55,15 +66,17 @@ def admitted(
     """The request, with its options sized and its conditions as arrays, if a plan can come of it.
 
     Raises:
-        InputError: as `check`, or what is asked besides the waypoints makes no sense or lasts too long.
+        InputError: as `options_for` and `check`, or what is asked besides the waypoints makes no sense or lasts too
+            long.
         PlanInfeasibleError: the limits do not let the vehicle hover.
         PlanCancelledError: `stop` was set.
     """
-    options = DEFAULTS if options is None else options
-    asked = Conditions() if conditions is None else conditions
-    request = check(Request(waypoints, field, vehicle, options, asked, stop))
+    options = options_for(vehicle, options)
+    check_stop(stop)
+    request = Request(waypoints, field, vehicle, options, Conditions() if conditions is None else conditions, stop)
+    check(request)
     bounds = request.limits
-    asked = asked.checked(len(waypoints.positions_world_m), bounds)
+    asked = request.conditions.checked(len(waypoints.positions_world_m), bounds)
     check_durations(waypoints, bounds, asked.leg_speed_m_s)
     if options.method == "bry" and (asked.given_motion or asked.leg_limits):
         raise InputError(
@@ -86,25 +99,18 @@ def require_thrust_apart(vehicle: Vehicle) -> None:
         )
 
 
-def check(request: Request, *, may_turn: bool = False) -> Request:
-    """The request with the vehicle's own radius where its options leave that open, if its waypoints can be planned.
+def check(request: Request, *, may_turn: bool = False) -> None:
+    """Refuse waypoints that no plan can come of, whatever else is asked.
 
     Args:
         may_turn: as in `check_waypoints`.
 
     Raises:
-        InputError: no vehicle, no map, a vehicle larger than the clearance, too many waypoints, two too far apart,
-            headings that take too long to turn, no room for a local margin, or as `require_thrust_apart` and
-            `check_waypoints`.
+        InputError: no map, a vehicle larger than the clearance, too many waypoints, two too far apart, headings that
+            take too long to turn, or as `require_thrust_apart` and `check_waypoints`.
         PlanInfeasibleError: the limits do not let the vehicle hover.
-        PlanCancelledError: its `stop` was set.
     """
-    waypoints, field, vehicle = request.waypoints, request.field, request.vehicle
-    if not isinstance(vehicle, Vehicle):  # pyright: ignore[reportUnnecessaryIsInstance]
-        raise InputError(f"expected a vehicle, got {vehicle!r}; read one with `vehicle.load`, or use `vehicle.example`")
-    bounds, options = request.limits, request.options.sized(vehicle)
-    required_m, free_m, roomier = options.clearance_m, options.waypoint_clearance_m, options.roomier(field)
-    check_stop(request.stop)
+    waypoints, field, vehicle, options = request.waypoints, request.field, request.vehicle, request.options
     if not hasattr(field, "distance"):
         raise InputError(f"expected a map, got {field!r}; give a field with `distance(points)`, say of `esdf.load`")
     count = len(waypoints.positions_world_m)
@@ -113,6 +119,7 @@ def check(request: Request, *, may_turn: bool = False) -> Request:
             f"{count} waypoints are given; at most {MOST_WAYPOINTS} are planned at once: "
             "thin them (`goshawk plan --path`, or `planner.route.simplify.rdp`), or plan in parts"
         )
+    bounds, required_m, free_m = request.limits, options.clearance_m, options.waypoint_clearance_m
     if vehicle.reach_m > required_m:
         raise InputError(beyond_clearance(vehicle, required_m))
     require_thrust_apart(vehicle)
@@ -120,14 +127,17 @@ def check(request: Request, *, may_turn: bool = False) -> Request:
     check_durations(waypoints, bounds)
     _check_headings(waypoints, bounds)
     check_waypoints(waypoints, field, free_m, may_turn=may_turn)
-    short_m = free_m - space.distance(roomier, waypoints.positions_world_m)
+    _check_local_margins(waypoints.positions_world_m, field, options)
+
+
+def _check_local_margins(points: FloatArray, field: space.DistanceField, options: PlanOptions) -> None:
+    short_m = options.waypoint_clearance_m - space.distance(options.roomier(field), points)
     i = int(short_m.argmax())
     if short_m[i] > 0.0:
         raise InputError(
-            f"waypoint {i + 1} at {shown(waypoints.positions_world_m[i])} has {short_m[i]:.3f} m less room than the "
-            "local margin there asks for; move it, or lower that margin and fly slower there"
+            f"waypoint {i + 1} at {shown(points[i])} has {short_m[i]:.3f} m less room than the local margin there asks "
+            "for; move it, or lower that margin and fly slower there"
         )
-    return replace(request, options=options)
 
 
 def beyond_clearance(vehicle: Vehicle, clearance_m: float) -> str:

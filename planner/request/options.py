@@ -83,7 +83,7 @@ class PlanOptions:
             raise InputError(f"starts is {self.starts}; it must be from 1 to {MOST_STARTS}")
         if self.repairs < 0:
             raise InputError(f"repairs is {self.repairs}; it must be at least 0")
-        if self.target_world_m is not None and not np.isfinite(self.target_world_m).all():
+        if self.yaw == "look_at" and (self.look_at_world_m is None or not np.isfinite(self.look_at_world_m).all()):
             raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at needs a point to look at")
         if not isfinite(self.heading_rad):
             raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
@@ -181,9 +181,6 @@ class PlanOptions:
     def waypoint_clearance_m(self) -> float:
         """Clearance that waypoints must have: a little more than is planned, so that a path to them exists."""
         return self.planned_clearance_m + 0.002
-
-
-DEFAULTS = PlanOptions()
 
 
 def _point(numbers: list[Any]) -> tuple[float, float, float]:

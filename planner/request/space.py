@@ -1,6 +1,7 @@
 """Free space for the planner: anything with `distance(points)`; where it is NaN (unknown), space is not free."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -16,6 +17,10 @@ COLUMN_M = 1e-3
 """Radius of the column above a ground point."""
 _MOST_PAIRS = 1_000_000
 """Points times lines of a tube that are looked at together."""
+_PIECE_M = 0.5
+"""Length of the pieces of a line that are looked at first."""
+_TOLERANCE_M = 1e-3
+"""Half the length of the shortest piece of a line that is looked at; it counts as not free if it is not proved."""
 _REACH_M = 5.0
 """How far from a point a free one is looked for."""
 _STEP_M = 1e-4
@@ -26,6 +31,16 @@ class DistanceField(Protocol):
     """Signed distance to the nearest obstacle, 1-Lipschitz; NaN where unknown."""
 
     def distance(self, points_world_m: ArrayLike, /) -> FloatArray: ...
+
+
+@dataclass(frozen=True, slots=True)
+class LineCheck:
+    """How close a straight line comes to obstacles."""
+
+    free: bool
+    """Whether the distance is at least the required one everywhere on the line."""
+    distance_m: float
+    """Smallest distance found."""
 
 
 def distance(field: DistanceField, points_world_m: FloatArray) -> FloatArray:
@@ -44,6 +59,14 @@ def certain(field: DistanceField, distance_m: np.ndarray) -> np.ndarray:
     slack = 0.0 if grid is None else grid.half_diagonal_m
     concave = np.sqrt(np.maximum(distance_m * distance_m - slack * slack, 0.0))
     return np.fmax(np.where(distance_m > slack, concave, distance_m - slack), -np.inf)
+
+
+def aim(field: DistanceField, required_m: float) -> float:
+    """The interpolated distance at which `required_m` is certain."""
+    grid = getattr(field, "grid", None)
+    if grid is None:
+        return required_m
+    return float(np.sqrt(required_m * required_m + grid.half_diagonal_m * grid.half_diagonal_m))
 
 
 def around_path(field: DistanceField, polyline: FloatArray, near_m: float) -> Distances:
@@ -192,6 +215,39 @@ class Grounded:
             eased = self.required_m + 0.5 * (value - least)
             value = np.where(above & (least < self.required_m), np.maximum(eased, value), value)
         return value
+
+
+def check_lines(
+    field: DistanceField, starts: FloatArray, ends: FloatArray, required_m: float | FloatArray
+) -> list[LineCheck]:
+    """Check straight lines (n, 3) to (n, 3), exact within `_TOLERANCE_M`, never too optimistic.
+
+    A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
+    proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.
+
+    Args:
+        required_m: of all lines, or of each (n,).
+    """
+    starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
+    n, along = len(starts), ends - starts
+    lengths, required = np.linalg.norm(along, axis=1), np.broadcast_to(required_m, (n,))
+    least, free = np.full(n, np.inf), np.ones(n, dtype=bool)
+    pieces = np.maximum(np.ceil(lengths / _PIECE_M), 1.0).astype(int)
+    line = np.repeat(np.arange(n), pieces)
+    share = 0.5 / pieces[line]
+    middle = (2.0 * (np.arange(len(line)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) + 1.0) * share
+    while line.size:
+        d = distance(field, starts[line] + middle[:, None] * along[line])
+        np.minimum.at(least, line, d)
+        h, need = share * lengths[line], required[line]
+        unproved = d - h < need
+        free[line[unproved & ((d < need) | (h < _TOLERANCE_M))]] = False
+        keep = unproved & free[line]
+        line, half = np.repeat(line[keep], 2), 0.5 * share[keep]
+        share, middle = np.repeat(half, 2), np.repeat(middle[keep], 2)
+        middle[0::2] -= half
+        middle[1::2] += half
+    return [LineCheck(bool(f), float(d)) for f, d in zip(free, least, strict=True)]
 
 
 def nearest_free(field: DistanceField, point: FloatArray, required_m: float) -> FloatArray:

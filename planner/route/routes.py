@@ -47,16 +47,13 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions,
         PlanInfeasibleError: there is no path between two waypoints.
     """
     points, required = waypoints.positions_world_m, options.planned_clearance_m
-    lines = search.check_lines(field, points[:-1], points[1:], required)
+    lines = space.check_lines(field, points[:-1], points[1:], required)
     grids: dict[float, search.Lattice] = {}
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
         if not line.free:
             check_stop(stop)
-            if options.search == "grid":
-                way = search.way_round(field, points, i, options, grids, stop)
-            else:
-                way = sampling.way_round(field, points[i], points[i + 1], options)
+            way = way_round(field, points, i, options, grids, stop)
             if way is None:
                 raise _no_way(points[i], points[i + 1], required, line.distance_m, i, grids)
             found += list(way[1:-1])
@@ -64,6 +61,31 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions,
         found.append(points[i + 1])
         index.append(i + 1)
     return Route(np.array(found), np.array(index))
+
+
+def way_round(
+    field: space.DistanceField,
+    points: FloatArray,
+    leg: int,
+    options: PlanOptions,
+    grids: dict[float, search.Lattice],
+    stop: StopFlag | None = None,
+) -> FloatArray | None:
+    """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
+    if options.search != "grid":
+        return _sampled_way(field, points[leg], points[leg + 1], options)
+    for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
+        if margin_m not in grids:
+            grids[margin_m] = search.lattice(field, points, margin_m, stop=stop)
+        way = search.route(
+            field, grids[margin_m], points[leg], points[leg + 1], options.planned_clearance_m, options.clearance_m + 0.5
+        )
+        if way is not None:
+            return way
+        low, high = search.region(field, points, margin_m)
+        if (np.array(search.region(field, points, 5.0 * margin_m)) == np.array([low, high])).all():
+            break
+    return None
 
 
 def _no_way(
@@ -82,3 +104,23 @@ def _no_way(
     place = inputs.shown(np.array(gap.point_world_m))
     reason = f"the widest way narrows to {max(gap.width_m, 0.0):.2f} m at {place}; {2.0 * required_m:.2f} m are needed"
     return PlanInfeasibleError(reason, "move a waypoint, or lower margin_m", leg, gap=gap)
+
+
+def _sampled_way(
+    field: space.DistanceField, start: FloatArray, goal: FloatArray, options: PlanOptions
+) -> FloatArray | None:
+    """By the sampling planner that was asked for: near the two points first, then far round with more samples."""
+    for more in (1, 4):
+        way = sampling.route(
+            field,
+            start,
+            goal,
+            options.planned_clearance_m,
+            sampler=sampling.SAMPLERS[options.search],
+            margin_m=more * options.search_margin_m,
+            checks=more * options.search_checks,
+            seed=options.search_seed,
+        )
+        if way is not None:
+            return way
+    return None

@@ -1,6 +1,6 @@
 """Path search by OMPL's sampling planners, as options beside the grid search; seeded, so that a search can be repeated.
 
-A motion is checked exactly (`search.check_lines`), not at samples, so every line of the answer keeps the clearance. The
+A motion is checked exactly (`space.check_lines`), not at samples, so every line of the answer keeps the clearance. The
 search ends after a number of checked motions rather than at a time: the same seed gives the same path on any machine.
 """
 
@@ -10,32 +10,11 @@ import numpy as np
 
 from flight import FloatArray
 from planner.request import space
-from planner.request.options import PlanOptions
 from planner.route import search
 
 SAMPLERS = {"rrt_star": "RRTstar", "informed_rrt_star": "InformedRRTstar", "bit_star": "BITstar", "aorrtc": "AORRTC"}
 """OMPL's class for each name: RRT* (Karaman and Frazzoli 2011), InformedRRT* (Gammell et al. 2014), BIT* (Gammell et
 al. 2015), AORRTC (Wilson et al. 2025)."""
-
-
-def way_round(
-    field: space.DistanceField, start: FloatArray, goal: FloatArray, options: PlanOptions
-) -> FloatArray | None:
-    """By the sampling planner that was asked for: near the two points first, then far round with more samples."""
-    for more in (1, 4):
-        way = route(
-            field,
-            start,
-            goal,
-            options.planned_clearance_m,
-            sampler=SAMPLERS[options.search],
-            margin_m=more * options.search_margin_m,
-            checks=more * options.search_checks,
-            seed=options.search_seed,
-        )
-        if way is not None:
-            return way
-    return None
 
 
 def route(
@@ -81,7 +60,7 @@ def route(
 
         def checkMotion(self, first: Any, last: Any) -> bool:
             self.count += 1
-            return search.check_lines(field, _point(first)[None], _point(last)[None], required_m)[0].free
+            return space.check_lines(field, _point(first)[None], _point(last)[None], required_m)[0].free
 
     free, motion = Free(information), Motion(information)
     information.setStateValidityChecker(free)

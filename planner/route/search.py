@@ -1,4 +1,4 @@
-"""Free straight lines, and a path round obstacles: A* on a grid of the field (`planner/src/search.cpp`), then lines."""
+"""Path search round obstacles: A* on a grid of the field (`planner/src/search.cpp`), then free straight lines."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from flight import FloatArray, portable
 from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
 from planner.request import space
-from planner.request.options import Gap, PlanOptions, check_stop
+from planner.request.options import Gap, check_stop
 
 _CELLS = 800_000
 """Most cells of a search grid; larger regions get larger cells."""
@@ -25,53 +25,6 @@ _GREED = 1.5
 
 _BLIND = 16
 """Points of a path that a shortcut is looked for in together."""
-_PIECE_M = 0.5
-"""Length of the pieces of a line that are looked at first."""
-_TOLERANCE_M = 1e-3
-"""Half the length of the shortest piece of a line that is looked at; it counts as not free if it is not proved."""
-
-
-@dataclass(frozen=True, slots=True)
-class LineCheck:
-    """How close a straight line comes to obstacles."""
-
-    free: bool
-    """Whether the distance is at least the required one everywhere on the line."""
-    distance_m: float
-    """Smallest distance found."""
-
-
-def check_lines(
-    field: space.DistanceField, starts: FloatArray, ends: FloatArray, required_m: float | FloatArray
-) -> list[LineCheck]:
-    """Check straight lines (n, 3) to (n, 3), exact within `_TOLERANCE_M`, never too optimistic.
-
-    A distance d at the middle of a piece of half-length h proves a distance of d - h all along it; pieces that are not
-    proved are halved until they are, or until their middle is too close, or they are shorter than the tolerance.
-
-    Args:
-        required_m: of all lines, or of each (n,).
-    """
-    starts, ends = np.atleast_2d(starts).astype(np.float64), np.atleast_2d(ends).astype(np.float64)
-    n, along = len(starts), ends - starts
-    lengths, required = np.linalg.norm(along, axis=1), np.broadcast_to(required_m, (n,))
-    least, free = np.full(n, np.inf), np.ones(n, dtype=bool)
-    pieces = np.maximum(np.ceil(lengths / _PIECE_M), 1.0).astype(int)
-    line = np.repeat(np.arange(n), pieces)
-    share = 0.5 / pieces[line]
-    middle = (2.0 * (np.arange(len(line)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) + 1.0) * share
-    while line.size:
-        d = space.distance(field, starts[line] + middle[:, None] * along[line])
-        np.minimum.at(least, line, d)
-        h, need = share * lengths[line], required[line]
-        unproved = d - h < need
-        free[line[unproved & ((d < need) | (h < _TOLERANCE_M))]] = False
-        keep = unproved & free[line]
-        line, half = np.repeat(line[keep], 2), 0.5 * share[keep]
-        share, middle = np.repeat(half, 2), np.repeat(middle[keep], 2)
-        middle[0::2] -= half
-        middle[1::2] += half
-    return [LineCheck(bool(f), float(d)) for f, d in zip(free, least, strict=True)]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -157,29 +110,6 @@ def narrowest(grid: Lattice, start: FloatArray, goal: FloatArray) -> Gap | None:
     return Gap((x, y, z), 2.0 * float(grid.distance_m.ravel()[cell]))
 
 
-def way_round(
-    field: space.DistanceField,
-    points: FloatArray,
-    leg: int,
-    options: PlanOptions,
-    grids: dict[float, Lattice],
-    stop: StopFlag | None = None,
-) -> FloatArray | None:
-    """Search near the waypoints first, then far round them; `grids` keeps what was sampled for the other legs."""
-    for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
-        if margin_m not in grids:
-            grids[margin_m] = lattice(field, points, margin_m, stop=stop)
-        way = route(
-            field, grids[margin_m], points[leg], points[leg + 1], options.planned_clearance_m, options.clearance_m + 0.5
-        )
-        if way is not None:
-            return way
-        low, high = region(field, points, margin_m)
-        if (np.array(region(field, points, 5.0 * margin_m)) == np.array([low, high])).all():
-            break
-    return None
-
-
 def route(
     field: space.DistanceField,
     grid: Lattice,
@@ -203,23 +133,31 @@ def route(
             break
         points = np.concatenate([[start], grid.point(cells), [goal]])
         points = shortcut(points, field, required_m, required_m + 0.05)
-        if all(check.free for check in check_lines(field, points[:-1], points[1:], required_m)):
+        if all(check.free for check in space.check_lines(field, points[:-1], points[1:], required_m)):
             return points
     gap = narrowest(grid, start, goal)
     slack_m = _HALF_DIAGONAL * grid.step_m + getattr(getattr(field, "grid", None), "half_diagonal_m", 0.0)
     if gap is not None and 0.5 * gap.width_m + slack_m < required_m:
         return None  # the distance changes by no more than the way to the nearest cell: finer cells are no help
-    finer = _finer(field, grid, np.stack([start, goal]))
-    return None if finer is None else route(field, finer, start, goal, required_m, comfort_m)
+    return _finer(field, grid, start, goal, required_m, comfort_m)
 
 
-def _finer(field: space.DistanceField, grid: Lattice, points: FloatArray) -> Lattice | None:
-    """Half the cells' size, near the two points only; None if that is too fine to be worth it."""
+def _finer(
+    field: space.DistanceField,
+    grid: Lattice,
+    start: FloatArray,
+    goal: FloatArray,
+    required_m: float,
+    comfort_m: float,
+) -> FloatArray | None:
+    """Once more with half the cells' size, near the two points only; None if that is too fine to be worth it."""
     if grid.step_m < 0.03:
         return None
     cells = _CELLS_FINE if hasattr(field, "grid") else _CELLS  # a formula is slow to sample
-    closer = lattice(field, points, 3.0, finest_m=0.5 * grid.step_m, cells=cells)
-    return None if closer.step_m > 0.75 * grid.step_m else closer
+    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m, cells=cells)
+    if closer.step_m > 0.75 * grid.step_m:
+        return None
+    return route(field, closer, start, goal, required_m, comfort_m)
 
 
 def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
@@ -249,7 +187,7 @@ def _farthest_free(
     for first in range(0, len(ahead), asked):
         ends = points[ahead[first : first + asked]]
         starts = np.broadcast_to(points[at], ends.shape)
-        lines = check_lines(field, starts, ends, allowed[first : first + asked])
+        lines = space.check_lines(field, starts, ends, allowed[first : first + asked])
         for block in range(0, len(lines), _BLIND):
             seen = [first + block + i for i, line in enumerate(lines[block : block + _BLIND]) if line.free]
             if not seen:

@@ -5,7 +5,6 @@ import numpy as np
 from flight import FloatArray, InputError, Waypoints, rotations
 from planner.request import space
 from planner.request.options import PlanOptions
-from planner.route import search
 
 
 def rdp(
@@ -117,4 +116,4 @@ def heading_gaps(points: FloatArray, yaw_rad: FloatArray, first: int, last: int)
 
 
 def _blocked(field: space.DistanceField | None, start: FloatArray, end: FloatArray, clearance_m: float) -> bool:
-    return field is not None and not search.check_lines(field, start, end, clearance_m)[0].free
+    return field is not None and not space.check_lines(field, start, end, clearance_m)[0].free

@@ -10,7 +10,7 @@ from flight import InputError, Waypoints
 from planner import PlanOptions
 from planner.gate import gate
 from planner.optimise import airframe
-from planner.optimise.time_allocation import measured_excess
+from planner.optimise.corrections import measured_excess
 from planner.request import inputs
 from vehicle import Parameter, allocation, draft, flatness
 from vehicle.draft import Known

@@ -16,7 +16,7 @@ from esdf.field import SampledField
 from flight import FloatArray, InfeasibleError, InputError, Progress, Trajectory, TrajectoryFile, silent
 from planner import GateReport, PlanOptions
 from planner.gate import gate
-from planner.optimise import time_allocation
+from planner.request import space
 from planner.route import placing
 from sysid.diagnosis.experiment_design.next_flight import NEEDS_A_CEILING, Proposal, Question
 from sysid.diagnosis.experiment_design.rehearsal import Room, flies_near_ground, rehearse, shrink, waypoints_of
@@ -191,7 +191,7 @@ def _largest(
 ) -> tuple[float, tuple[Trajectory, float], GateReport, FloatArray]:
     """Size, the trajectory and its heading, the gate's report and waypoints of the largest that passes the gate."""
     path = _path(design)
-    wanted_m = time_allocation.aim(field, options.planned_clearance_m)
+    wanted_m = space.aim(field, options.planned_clearance_m)
     size = _largest_size(lambda s: placing.place(s * path, field, wanted_m) is not None)
     if size is None:
         low = SIZES[-1] * np.ptp(path, axis=0)

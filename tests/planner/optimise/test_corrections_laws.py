@@ -6,8 +6,8 @@ import pytest
 from planner.curve import minimum_snap
 from planner.gate import limits
 from planner.optimise import airframe, time_allocation
-from planner.optimise.fastest import _FARTHER_M, _MOST, _NEAR, _SPARE, Corrections, _approached
-from planner.optimise.time_allocation import SAMPLES, Problem, Weights, measured_excess
+from planner.optimise.corrections import _FARTHER_M, _MOST, _NEAR, _SPARE, Corrections, _approached, measured_excess
+from planner.optimise.time_allocation import SAMPLES, Problem, Weights
 
 TILT, YAW_RATE = airframe.NAMES.index("tilt"), airframe.NAMES.index("yaw rate")
 

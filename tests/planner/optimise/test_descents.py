@@ -15,6 +15,7 @@ from flight.trajectory import fingerprint
 from planner.curve import minimum_snap
 from planner.optimise import airframe, attempts, descents, methods, time_allocation
 from planner.optimise.time_allocation import Problem, Weights
+from planner.request import inputs
 from planner.request.conditions import Conditions
 from planner.request.inputs import Request
 from planner.route import routes
@@ -153,7 +154,7 @@ def test_a_knot_comes_back_into_its_ball():
 def walked(seed: int) -> tuple[Problem, minimum_snap.Spline]:
     """Eight waypoints, as the planner comes to them."""
     drone, asked = vehicle.example("rigter2019"), Waypoints(walk(8, seed), np.full(8, np.nan))
-    request = Request(asked, SKY, drone, planner.PlanOptions().sized(drone), Conditions())
+    request = Request(asked, SKY, drone, inputs.options_for(drone, None), Conditions())
     route = methods.subdivided(routes.find(asked, SKY, request.options), SKY)
     rough, start = methods.rough(route, SKY, request)
     p, begin, _ = attempts.whole_vehicle(rough, start, route.waypoint, request, methods.CLEARANCE_PRICE)

@@ -9,7 +9,8 @@ from flight import Waypoints
 from planner.curve import minimum_snap
 from planner.gate import limits
 from planner.optimise import airframe, attempts, fastest, time_allocation
-from planner.optimise.fastest import Corrections
+from planner.optimise import corrections as corrections_module
+from planner.optimise.corrections import Corrections
 from planner.optimise.time_allocation import Problem, Weights
 from planner.request.inputs import Request
 
@@ -49,10 +50,10 @@ def test_the_corrected_excess_is_that_of_the_vehicles_own_model(walk, drone, ope
     for _ in range(25):  # what is measured is believed step by step
         corrections.measure(problem, walk, path, drone, np.ones(5, dtype=bool))
     reduced, _ = time_allocation.excess(problem, walk)
-    full = time_allocation.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
+    full = corrections_module.measured_excess(frame, drone, path, np.arange(5), time_allocation.FRACTIONS)
     asked = (reduced.max(axis=2) > -0.2) & (np.abs(full - reduced).max(axis=2) < 0.5)
     assert asked.sum() > 20
-    corrected = (reduced + corrections.total() - corrections.between - fastest._SPARE)[asked]
+    corrected = (reduced + corrections.total() - corrections.between - corrections_module._SPARE)[asked]
     assert np.allclose(corrected, full[asked], rtol=0.0, atol=1e-6)
 
 
@@ -67,7 +68,7 @@ def test_only_segments_that_exceed_a_limit_are_asked_for_more(walk, drone):
     corrections.stricter(used, {"speed": nowhere, "jerk": nowhere})
     more = corrections.total() - before
     fastest_segment = int(np.argmax(speeds))
-    least, share = fastest._STRICTER
+    least, share = corrections_module._STRICTER
     excess = float(speeds.max()) / bound - 1.0
     assert excess > 0.0
     assert np.allclose(more[fastest_segment, :, 0], np.clip(share * excess, least, 10.0 * least))
@@ -88,7 +89,7 @@ def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
     excess[0, 3, 2] = 0.05
     corrections.believed = excess
     corrections.press(np.array([True]))
-    assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + fastest._SPARE)
+    assert corrections.multiplier[0, 3, 2] == pytest.approx(0.05 + corrections_module._SPARE)
     assert np.count_nonzero(corrections.multiplier) == 1
     corrections.believed = np.full_like(excess, -0.02)
     corrections.press(np.array([True]))
@@ -97,10 +98,10 @@ def test_multipliers_rise_where_a_limit_is_exceeded_and_fall_where_it_is_not():
 
 def test_a_correction_rises_in_steps_and_falls_by_halves():
     believed, measured = np.array([0.0, 0.0, 0.3, 0.3]), np.array([0.4, 0.05, 0.1, -0.1])
-    step = fastest._approached(believed, measured)
-    assert np.allclose(step, [fastest._RISE, 0.05, 0.2, 0.1])
+    step = corrections_module._approached(believed, measured)
+    assert np.allclose(step, [corrections_module._RISE, 0.05, 0.2, 0.1])
     for _ in range(60):
-        believed = fastest._approached(believed, measured)
+        believed = corrections_module._approached(believed, measured)
     assert np.allclose(believed, measured)
 
 

@@ -9,7 +9,8 @@ from planner import PlanCancelledError, StopFlag
 from planner.curve import minimum_snap
 from planner.optimise import quadratic
 from planner.optimise.quadratic import Constraints, SnapProgram
-from planner.route import corridor, search
+from planner.request import space
+from planner.route import corridor
 
 
 def random_problem(seed: int, segments: int = 6) -> tuple[np.ndarray, np.ndarray]:
@@ -80,7 +81,7 @@ def test_a_corridor_of_the_wrong_length_is_refused():
 
 def test_every_point_of_a_corridor_keeps_the_clearance_and_every_leg_lies_in_its_box(two_rooms):
     legs = np.array([[-3.0, -2.0, 1.0], [-1.0, 2.0, 1.2], [1.0, 2.0, 1.2], [3.0, 0.0, 1.5]])
-    assert all(line.free for line in search.check_lines(two_rooms, legs[:-1], legs[1:], 0.3))
+    assert all(line.free for line in space.check_lines(two_rooms, legs[:-1], legs[1:], 0.3))
     rng = np.random.default_rng(1)
     for box, start, end in zip(corridor.boxes(two_rooms, legs, 0.3), legs[:-1], legs[1:], strict=True):
         assert box.lowest(np.linspace(start, end, 50)).min() > -1e-9

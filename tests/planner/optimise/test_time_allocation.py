@@ -10,7 +10,7 @@ import vehicle
 from esdf import solids
 from planner import PlanCancelledError, StopFlag
 from planner.curve import minimum_snap
-from planner.optimise import airframe, time_allocation
+from planner.optimise import airframe, corrections, time_allocation
 from planner.optimise.time_allocation import Problem, Weights
 from vehicle import Limits
 
@@ -140,7 +140,7 @@ def test_the_reduced_vehicle_is_close_to_the_full_model(pace):
         frame, minimum_snap.derivatives(spline, time_allocation.FRACTIONS).reshape(-1, 5, 4)
     )
     path = minimum_snap.trajectory(spline)
-    full = time_allocation.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(
+    full = corrections.measured_excess(frame, drone, path, np.arange(6), time_allocation.FRACTIONS).reshape(
         reduced.shape
     )
     assert np.abs(full[:, :3] - reduced[:, :3]).max() < 1e-5

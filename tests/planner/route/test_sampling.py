@@ -5,7 +5,8 @@ import planner
 from esdf import solids
 from flight import InputError
 from planner import PlanOptions
-from planner.route import sampling, search
+from planner.request import space
+from planner.route import sampling
 
 START, GOAL = np.array([-3.0, -2.0, 1.0]), np.array([3.0, -2.0, 1.0])
 
@@ -18,7 +19,7 @@ def test_every_line_of_a_sampled_way_keeps_the_clearance_and_a_seed_repeats_it(t
     way = find(two_rooms, "RRTstar")
     assert way is not None
     assert np.array_equal(way[[0, -1]], [START, GOAL])
-    assert all(line.free for line in search.check_lines(two_rooms, way[:-1], way[1:], 0.3))
+    assert all(line.free for line in space.check_lines(two_rooms, way[:-1], way[1:], 0.3))
     assert np.array_equal(way, find(two_rooms, "RRTstar"))
 
 

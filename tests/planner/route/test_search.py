@@ -100,7 +100,7 @@ def test_the_way_through_a_doorway_is_free_and_hardly_longer_than_it_must_be(two
     way = search.route(two_rooms, grid, start, goal, 0.3, 0.8)
     assert way is not None
     assert np.array_equal(way[[0, -1]], [start, goal])
-    assert all(line.free for line in search.check_lines(two_rooms, way[:-1], way[1:], 0.3))
+    assert all(line.free for line in space.check_lines(two_rooms, way[:-1], way[1:], 0.3))
     # The taut string touches the door post at 0.3 m; round it, it is no shorter than to the post's clearance circle.
     shortest = 2.0 * np.hypot(3.0, 3.5 + 0.2)
     assert np.linalg.norm(np.diff(way, axis=0), axis=1).sum() < 1.1 * shortest
@@ -120,7 +120,7 @@ def test_a_doorway_that_is_only_just_wide_enough_is_found(width):
     grid = search.lattice(scene, np.stack([start, goal, (-2.0, 1.0, 1.0)]), 0.3)
     way = search.route(scene, grid, start, goal, 0.3, 0.8)
     assert way is not None
-    assert all(line.free for line in search.check_lines(scene, way[:-1], way[1:], 0.3))
+    assert all(line.free for line in space.check_lines(scene, way[:-1], way[1:], 0.3))
 
 
 def test_a_doorway_that_is_too_narrow_is_not(two_rooms):

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from flight import InputError
-from planner.route import search, simplify
+from planner.request import space
+from planner.route import simplify
 
 PATHS = arrays(np.float64, st.tuples(st.integers(1, 40), st.just(3)), elements=st.floats(-10, 10))
 
@@ -62,8 +63,8 @@ def test_with_a_field_no_kept_line_cuts_the_corner_the_path_went_round(pillar):
     arc = np.stack([1.1 * np.cos(turn), 1.1 * np.sin(turn), np.full(400, 1.5)], axis=1)
     blind = arc[simplify.rdp(arc, 0.5)]
     aware = arc[simplify.rdp(arc, 0.5, field=pillar, clearance_m=0.3)]
-    assert not all(line.free for line in search.check_lines(pillar, blind[:-1], blind[1:], 0.3))
-    assert all(line.free for line in search.check_lines(pillar, aware[:-1], aware[1:], 0.3))
+    assert not all(line.free for line in space.check_lines(pillar, blind[:-1], blind[1:], 0.3))
+    assert all(line.free for line in space.check_lines(pillar, aware[:-1], aware[1:], 0.3))
     assert len(blind) < len(aware) < 20
 
 
@@ -83,7 +84,7 @@ def test_a_negative_tolerance_is_refused():
 def test_a_line_called_free_is_free_at_every_dense_sample(two_rooms, seed, required):
     rng = np.random.default_rng(seed)
     starts, ends = rng.uniform([-4, -3, 0.5], [4, 3, 2.5], (2, 6, 3))
-    for a, b, check in zip(starts, ends, search.check_lines(two_rooms, starts, ends, required), strict=True):
+    for a, b, check in zip(starts, ends, space.check_lines(two_rooms, starts, ends, required), strict=True):
         dense = two_rooms.distance(np.linspace(a, b, 2001)).min()
         if check.free:
             assert dense >= required - 1e-9
