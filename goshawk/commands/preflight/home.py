@@ -75,9 +75,11 @@ def last_s(ways: tuple[WayHome, ...]) -> float | None:
 
 def no_return_s(ways: tuple[WayHome, ...], usable_j: float) -> float | None:
     """When the plan so far and the way home take 99 % of the flights all of an energy, for the first time; None: at no
-    moment looked at. Linear between moments; that of the first, where it is too late already. A moment without a way
-    home takes more than any energy: the one before it is the last."""
-    needed = [np.inf if way.energy_j is None else way.energy_j for way in ways]
+    moment looked at, or from none is a way home a go. Linear between moments; that of the first, where it is too late
+    already. A moment from which no way home is a go takes more than any energy: the one before it is the last."""
+    needed = [way.energy_j if way.go and way.energy_j is not None else np.inf for way in ways]
+    if not np.isfinite(needed).any():
+        return None
     over = next((i for i, needed_j in enumerate(needed) if needed_j > usable_j), None)
     if over is None:
         return None
@@ -93,15 +95,15 @@ def no_return(ways: tuple[WayHome, ...], usable_j: float, end_j: float | None) -
     Args:
         end_j: that 99 % of the flights need for the whole plan; None: not known.
     """
-    known = [way for way in ways if way.energy_j is not None]
-    if not known:
-        return "not known: from no moment do enough flights come home"
+    if not any(way.go and way.energy_j is not None for way in ways):
+        return "not known: from no moment is a way home a go"
     last_s = no_return_s(ways, usable_j)
     ends = end_j is not None and end_j <= usable_j
     if last_s is None:
         return f"none: it brings home from every moment looked at{', and to the end' if ends else ', not to the end'}"
     if last_s <= ways[0].from_s:
-        return f"before {last_s:.1f} s: it is too small for any way home that was looked at"
+        why = "it is too small for any way home" if ways[0].go else "from there no way home is a go"
+        return f"before {last_s:.1f} s: {why}"
     return f"{last_s:.1f} s: later it brings nobody home{', only to the end' if ends else ', nor to the end'}"
 
 

@@ -81,7 +81,7 @@ def test_it_is_flown_with_no_more_room_stated_than_all_of_it_has(subject, monkey
     [
         (40.0, None, "none: it brings home from every moment looked at, and to the end"),
         (22.0, 2.2, "2.2 s: later it brings nobody home, nor to the end"),
-        (5.0, 1.0, "before 1.0 s: it is too small for any way home that was looked at"),
+        (5.0, 1.0, "before 1.0 s: it is too small for any way home"),
     ],
 )
 def test_no_return_is_where_the_energy_so_far_and_home_is_the_batterys(usable_j, last_s, said):
@@ -93,10 +93,12 @@ def test_no_return_is_where_the_energy_so_far_and_home_is_the_batterys(usable_j,
 
 def test_a_moment_without_a_way_home_is_the_point_of_no_return():
     one, two, three = (replace(way(float(t)), energy_j=10.0 * t) for t in (1, 2, 3))
-    nothing = replace(two, energy_j=None)
-    assert home.no_return_s((one, nothing, three), 40.0) == 1.0
-    assert home.no_return_s((replace(one, energy_j=None), two), 40.0) == 1.0
-    assert "every moment" not in home.no_return((one, nothing, three), 40.0, 35.0)
+    for nothing in (replace(two, energy_j=None), replace(two, go=False)):
+        assert home.no_return_s((one, nothing, three), 40.0) == 1.0
+        assert "every moment" not in home.no_return((one, nothing, three), 40.0, 35.0)
+    lost = replace(one, go=False)
+    assert home.no_return((lost, two), 40.0, 35.0) == "before 1.0 s: from there no way home is a go"
+    assert home.no_return_s((lost,), 40.0) is None
 
 
 def test_a_smaller_battery_brings_home_from_fewer_moments_and_more_moments_are_looked_at_if_asked(subject):
