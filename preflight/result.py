@@ -192,6 +192,13 @@ class Result:
         chance = 0.0 if self.hidden is None else self.hidden.probability
         return f" and {chance:.1e} of hidden things" if chance else ""
 
+    @property
+    def beside_flights(self) -> str:
+        """What the flights do not show, in a sentence."""
+        if self.hidden is None:
+            return "What the map may have missed is not counted."
+        return f"With what the map may have missed ({self.hidden.probability:.1e}): at most {self.upper:.1e}."
+
     def _rare_reason(self, rare: Rare) -> str:
         more = f"; {self.risk:g} is accepted"
         if not rare.risk.reached:

@@ -47,7 +47,7 @@ def _head(told: Outcome) -> str:
     decides, remedy = screen.decides(result, told.plan_again, told.narrow_waypoints)
     facts = {
         "how sure": f"{_capital(str(result.lost))} with 95 % confidence; lost is to touch anything, to leave the map, "
-        "to overturn, or to come down without a position",
+        f"to overturn, or to come down without a position. {result.beside_flights}",
         "to the end": f"{100.0 * result.finished:.1f} % of the flights",
         "narrowest": screen.place(result) or "not known",
         "decides most": decides,

@@ -54,7 +54,7 @@ def decides(result: preflight.Result, again: dict[str, Any] | None, narrow: Sequ
         numbers = ", ".join(str(waypoint + 1) for waypoint in narrow)
         remedy += f"; or move waypoint {numbers}, which leaves flights that touch near it no more room"
     if result.hidden is not None and result.hides:
-        remedy = result.hidden.remedy()
+        return said, result.hidden.remedy()  # no margin makes that a go
     if again is None:
         return said, remedy
     near, legs = len(again["near"]), sum(leg["slowed"] for leg in again["legs"])
