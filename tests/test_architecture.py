@@ -77,7 +77,7 @@ ROOMS = {
     "gcs_web.jobs": {"gcs_web.protocol"},
     "gcs_web.scene": {"gcs_web.protocol"},
     "gcs_web.document": {"gcs_web.protocol"},
-    "gcs_web.planning": {"gcs_web.protocol", "gcs_web.jobs", "gcs_web.scene", "gcs_web.document"},
+    "gcs_web.planning": {"gcs_web.protocol", "gcs_web.scene", "gcs_web.document"},
     "gcs_web.map": {f"gcs_web.{room}" for room in ("protocol", "gateway", "jobs", "scene", "document", "planning")},
     "gcs_web.vehicle": {"gcs_web.protocol", "gcs_web.gateway", "gcs_web.scene", "gcs_web.planning"},
     "gcs_web.flights": {"gcs_web.protocol", "gcs_web.jobs"},

@@ -6,6 +6,7 @@ clean up for `GRACE_S`; then it is killed.
 
 import contextlib
 import logging
+import multiprocessing
 import os
 import signal
 import sys
@@ -17,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 from flight import FlightError, Progress, extras
-from gcs_web.jobs import forked
 
 logger = logging.getLogger(__name__)
 
@@ -52,12 +52,18 @@ class JobProcess:
             log: file for what the work and its libraries print; an earlier one is replaced.
             niceness: of the process.
         """
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
         self._lock = threading.Lock()
         self._cancelled = threading.Event()
         self._ended = False
         self._log = log
         # not a daemon, which may have no children of its own
-        self._process, self._pipe = forked.begin(_main, work, folder, arguments, log, niceness, daemon=False)
+        self._process: Any = context.Process(
+            target=_main, args=(theirs, work, folder, arguments, log, niceness), daemon=False
+        )
+        self._process.start()
+        theirs.close()
 
     def outcome(self, progress: Progress) -> Done | Failed:
         """Wait for the end, passing progress on; nothing that the job started is left when it returns."""

@@ -6,6 +6,7 @@ its process. Drafts are answered meanwhile. The process ends by itself when its 
 
 import itertools
 import logging
+import multiprocessing
 import os
 import signal
 import threading
@@ -14,6 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -23,7 +25,6 @@ import vehicle
 from flight import FlightError, FloatArray, TrajectoryFile
 from gcs_web.document import missions
 from gcs_web.document.document import Content
-from gcs_web.jobs import forked
 from gcs_web.planning import inputs, page_values, replanning, saved
 from gcs_web.protocol import plan as plan_messages
 from gcs_web.protocol.plan import Plan, Problem
@@ -112,7 +113,7 @@ class PlanningProcess:
         self._closed = False
         self._outdated = False
         """Whether the process must be replaced."""
-        self._woken, self._wake = connection.Pipe(duplex=False)
+        self._woken, self._wake = multiprocessing.Pipe(duplex=False)
         self._start()
         self._thread = threading.Thread(target=self._serve, name="planning", daemon=True)
         self._thread.start()
@@ -197,9 +198,15 @@ class PlanningProcess:
             self._take(Answer(request, None, shown))
 
     def _start(self) -> None:
+        context = multiprocessing.get_context("spawn")
+        self._pipe, theirs = context.Pipe()
         self._ready = False
         """Whether the process has said anything yet."""
-        self._process, self._pipe = forked.begin(_serve_requests, self._folder, self._base, daemon=True)
+        self._process: Any = context.Process(
+            target=_serve_requests, args=(theirs, self._folder, self._base), daemon=True
+        )
+        self._process.start()
+        theirs.close()
 
     def _restart(self) -> None:
         with self._lock:
