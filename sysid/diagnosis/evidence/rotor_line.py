@@ -49,7 +49,7 @@ class Line:
     def sentence(self) -> str:
         return (
             f"rotor {self.rotor} shakes the accelerometer with {self.rms_m_s2:.2g} m/s2 at its own speed, every other "
-            f"with less than {self.next_m_s2:.2g}: it is out of balance, bent or chipped, or the frame resonates there"
+            f"with less than {self.next_m_s2:.2g}: unbalanced, bent or chipped, or the frame resonates"
         )
 
 
