@@ -6,6 +6,7 @@ import numpy as np
 
 from flight import FlightLog, InputError, rotations
 from flight.rotations import FloatArray
+from sysid.logs.checks.motion import LONGEST_S
 from vehicle import Vehicle
 
 LEVEL, VERTICAL, TILTING, YAWING = "level flight", "climb and descent", "roll and pitch", "yaw"
@@ -51,13 +52,15 @@ def check(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def _most(log: FlightLog) -> dict[str, float] | None:
-    """Of each kind, how much of it a flight shows: m/s, or rad/s; None without a pose."""
+    """Of each kind, how much of it a flight shows: m/s, or rad/s; None without a pose, or in another unit of time."""
     if not (log.has("position_world_m") and log.has("q_world_body")):
         return None
     position, q = log.vector("position_world_m"), log.vector("q_world_body")
     known = np.flatnonzero(np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1))
     time_s = log.time_s[known]
-    at = known[np.unique(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], STEP_S)))] if len(known) else known
+    if len(known) < 2 or not time_s[-1] - time_s[0] < LONGEST_S:
+        return None
+    at = known[np.unique(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], STEP_S)))]
     if len(at) < 2:
         return None
     step_s = np.diff(log.time_s[at])[:, None]

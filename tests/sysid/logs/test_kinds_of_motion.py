@@ -65,3 +65,10 @@ def test_gaps_and_noise_of_a_pose_are_no_motion():
     columns["position_world_x_m"] = np.where(np.arange(len(TIME_S)) % 7 == 0, np.nan, columns["position_world_x_m"])
     with pytest.raises(InputError, match="hover"):
         kinds_of_motion.check([FlightLog(columns, still.metadata)], vehicle.example())
+
+
+def test_a_log_in_another_unit_of_time_is_left_to_the_check_of_its_time_base():
+    """In microseconds a grid of 0.2 s would have 75 million samples."""
+    hover = log()
+    late = FlightLog({**hover.columns, "time_s": 1e6 * hover.time_s}, hover.metadata)
+    assert kinds_of_motion.check([late], vehicle.example()) == ()
