@@ -17,28 +17,18 @@ from sysid.estimator.joint_problem.problem import Point
 from sysid.estimator.joint_problem.solver import Score, Solution, robust_covariance
 from sysid.estimator.trajectory.states import States
 from sysid.estimator.without_pose import airspeed
-from sysid.estimator.without_pose.sensing import FELT, TURNED, Shown, measured
-from sysid.logs.sensors.low_pass import LowPass
+from sysid.estimator.without_pose.sensing import Shown
 
 WRONG_FORM = 5.0
 """Standard errors by which a lag or filter of another form may mislead such an estimate: in a real flight that hardly
 rolls, inflow came out 8 of them wrong, which is then within a 90 % interval."""
 NOTHING = 1e-6
 """Information on a cause that no flight shows: a thousand times its usual size."""
-UNNAMED = LowPass(2.0 * np.pi * 316.0, 1.74)
-"""What a firmware usually puts behind a gyro or accelerometer, where the log does not say: first order at 100 Hz (and
-1 kHz). A delay takes up most of it."""
 
 
 def with_causes(flight: Flight, part: Shown, point: Point, states: States) -> Shown:
     """The derivatives by causes of usual size before those by the unknowns."""
-    seen = measured(flight) - part.left
-    through = UNNAMED.means(seen, float(np.median(flight.step_s))) - seen
-    gyro, accelerometer = np.zeros_like(seen), np.zeros_like(seen)
-    gyro[:, TURNED] = through[:, TURNED]
-    if flight.accelerometer_low_pass is None:
-        accelerometer[:, FELT] = through[:, FELT]
-    causes = np.stack([*airspeed.felt(flight, point, states), gyro, accelerometer], axis=2)
+    causes = np.stack([*airspeed.felt(flight, point, states)], axis=2)
     return replace(part, by=np.concatenate([causes, part.by], axis=2))
 
 
