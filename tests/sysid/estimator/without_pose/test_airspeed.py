@@ -41,7 +41,7 @@ def test_speed_is_the_specific_force_integrated_in_the_worlds_axes(fitted):
 
 def test_a_fit_moves_as_far_as_is_stated_when_the_force_of_the_air_speed_is_added(fitted, monkeypatch):
     """Of its usual size in full, as the added force is of that size."""
-    monkeypatch.setattr(left_out, "possible", lambda *_: np.eye(len(airspeed.CAUSES) + 2))
+    monkeypatch.setattr(left_out, "possible", lambda *_: np.eye(len(airspeed.CAUSES)))
     flight = fitted.flights[0]
     solution = from_imu.identify(
         [flight], fitted.vehicle, sysid.Options(), fitted.given, lambda *_: None, effects=(), near=fitted
