@@ -212,24 +212,16 @@ class Loop:
     def _fly_one_by_one(
         self, rows: tuple[Any, Any, Any, Any], seeds: NDArray[np.uint64], kept: tuple[Any, Any, Any, Any, Any]
     ) -> None:
-        """With effects in Python, which read one flight's values at a time.
-
-        Raises:
-            InputError: one of them raises.
-        """
+        """With effects in Python, which read one flight's values at a time."""
         values, width = rows[0], self._flights.width
         compiled = np.ascontiguousarray(values[:, :width])
         for i in range(len(values)):
             self._kernel.set_own(values[i, width:])
             draws, numbers, weights = (part[i : i + 1] for part in rows[1:])
             positions, errors, path_s, states, summary = (part[i : i + 1] for part in kept)
-            try:
-                self._flights.fly(
-                    compiled[i : i + 1], draws, numbers, weights, seeds, 1, positions, errors, path_s, states, summary
-                )
-            except Exception as error:  # whatever the user's code raises
-                said = f"{type(error).__name__}: {error}"
-                raise InputError(f"an effect of your own failed in flight {i} ({said}); mend its file") from error
+            self._flights.fly(
+                compiled[i : i + 1], draws, numbers, weights, seeds, 1, positions, errors, path_s, states, summary
+            )
 
 
 def _kernel(vehicle: Vehicle) -> native.Stepped:

@@ -88,5 +88,5 @@ def test_one_that_fails_in_flight_is_told_in_a_sentence(drone, tmp_path):
     law = DRAG.replace("own_drag", "own_failing").replace("901", "902").replace("def apply", slow)
     file = tmp_path / "own_failing.py"
     file.write_text(law.replace("    v = flow.velocity_m_s\n", "    v = flow.velocity_m_s\n    _slow(v)\n"))
-    with pytest.raises(InputError, match=r"effect of your own failed in flight 0 .*ZeroDivisionError.*mend its file"):
+    with pytest.raises(InputError, match=r"effect own_failing failed: ZeroDivisionError: .*; mend .*own_failing.py"):
         flown(drone.with_effect_file(file), drone, WINDY)

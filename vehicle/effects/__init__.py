@@ -6,14 +6,15 @@ import importlib
 import importlib.util
 import os
 import pkgutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from flight import FormatError, InputError, errors
 from vehicle.effects import base
-from vehicle.effects.base import Effect
+from vehicle.effects.base import Effect, Values
 
 __all__ = [
     "Effect",
@@ -144,7 +145,19 @@ def load_file(path: Path) -> Effect:
     if not isinstance(effect, Effect):
         raise FormatError(f"effect file {path} defines no EFFECT = Effect(...)")
     _check_origin(effect, path, text)
-    return register(effect)
+    return register(replace(effect, apply=_guarded(effect, path)))
+
+
+def _guarded(effect: Effect, path: Path) -> Callable[[Any, Values], None]:
+    """Its law; an error of the user's code becomes one that names effect and file, in whatever verb it is called."""
+
+    def apply(state: Any, values: Values) -> None:
+        try:
+            effect.apply(state, values)
+        except Exception as error:
+            raise InputError(f"effect {effect.name} failed: {type(error).__name__}: {error}; mend {path}") from error
+
+    return apply
 
 
 def origin(name: str) -> Path | None:
