@@ -5,7 +5,6 @@ the angle of a pixel, times the distance of the nearest view with a free line of
 object of a given thickness may be missing from the map, and keep more distance there.
 """
 
-import zipfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -17,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from esdf import _esdf
 from esdf.field import checked_points
 from esdf.grid import Grid, StateArray, checked_state
-from flight import FloatArray, FormatError, InputError, errors, file_format
+from flight import FloatArray, FormatError, InputError, file_format
 
 _SURE, _NEVER = 0.995, 0.00005
 """Probabilities from which, and below which, words do not give the number."""
@@ -198,26 +197,18 @@ def line_of_sight(
 def save_visibility(path: Path, visibility: Visibility) -> None:
     """Write the mask as a compressed `.npz`."""
     grid = visibility.grid
-    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
-        np.savez_compressed(
-            file, version=1, origin_world_m=grid.origin_world_m, voxel_m=grid.voxel_m, finest_m=visibility.finest_m
-        )
+    origin, voxel = np.array(grid.origin_world_m), np.array(grid.voxel_m)
+    file_format.write_arrays(path, version=1, origin_world_m=origin, voxel_m=voxel, finest_m=visibility.finest_m)
 
 
 def load_visibility(path: Path) -> Visibility:
     """Read what `save_visibility` wrote; raises `InputError` if missing, `FormatError` if damaged or newer."""
+    names, fault = ("origin_world_m", "voxel_m", "finest_m"), "a damaged visibility mask"
+    origin, voxel, finest = file_format.read_arrays(path, *names, version=1, fault=fault, remedy="build the map again")
     try:
-        with np.load(path) as archive:
-            if int(archive["version"]) > 1:
-                raise FormatError(f"{path} is of a newer version; update Goshawk")
-            finest = archive["finest_m"]
-            grid = Grid(tuple(archive["origin_world_m"]), tuple(archive["voxel_m"]), finest.shape)
-    except FileNotFoundError:
-        raise errors.missing(path) from None
-    except (KeyError, ValueError, EOFError, OSError, zipfile.BadZipFile, InputError) as error:
-        raise FormatError(
-            f"{path} is a damaged visibility mask: {file_format.damage_text(error)}; build the map again"
-        ) from error
+        grid = Grid(tuple(origin), tuple(voxel), finest.shape)
+    except (InputError, TypeError, ValueError) as error:
+        raise FormatError(f"{path} is {fault}: {error}; build the map again") from error
     if finest.ndim != 3 or not (finest > 0.0).all():  # neither is NaN, which would compare as resolved
-        raise FormatError(f"{path} is a damaged visibility mask: not all thicknesses are positive; build the map again")
+        raise FormatError(f"{path} is {fault}: not all thicknesses are positive; build the map again")
     return Visibility(grid, finest)

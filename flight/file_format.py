@@ -156,23 +156,29 @@ def read_toml(path: Path, *, format: str, version: int) -> Document:
     return _checked(path, document, format, version)
 
 
-def write_layer(path: Path, *, version: int, **arrays: np.ndarray) -> None:
-    """Arrays of a map as a compressed `.npz`."""
-    with atomic_file(path) as temporary, open(temporary, "wb") as file:
+def write_arrays(path: Path, *, version: int, **arrays: np.ndarray) -> None:
+    """Arrays as a compressed `.npz`."""
+    with atomic_file(Path(path)) as temporary, open(temporary, "wb") as file:
         np.savez_compressed(file, version=version, **arrays)  # pyright: ignore[reportArgumentType]
 
 
-def read_layer(path: Path, *names: str, version: int, fault: str) -> list[np.ndarray]:
-    """The arrays of these names, as `write_layer` wrote them.
+def read_arrays(path: Path, *names: str, version: int, fault: str, remedy: str) -> list[np.ndarray]:
+    """The arrays of these names, as `write_arrays` wrote them.
+
+    Args:
+        fault, remedy: of a damaged file, in words.
 
     Raises:
-        FormatError: the file is damaged, which the message says with `fault`, or newer.
+        InputError: there is no such file.
+        FormatError: it is damaged, or newer.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
             found, arrays = int(archive["version"]), [archive[name] for name in names]
+    except FileNotFoundError:
+        raise missing(path) from None
     except (KeyError, TypeError, ValueError, EOFError, OSError, zipfile.BadZipFile, zlib.error) as error:
-        raise FormatError(f"{path} is {fault}: {damage_text(error)}; build the map again") from error
+        raise FormatError(f"{path} is {fault}: {damage_text(error)}; {remedy}") from error
     if found > version:
         raise FormatError(f"{path} is of a newer version; update Goshawk")
     return arrays

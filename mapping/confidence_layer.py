@@ -17,7 +17,7 @@ VERSION = 1
 def save(path: Path, known: SurfaceConfidence) -> None:
     """Write it as a compressed `.npz`; half precision, which is 0.1 % of a deviation."""
     deviation_m = known.deviation_m.astype(np.float16)
-    file_format.write_layer(path, version=VERSION, deviation_m=deviation_m, images=known.images)
+    file_format.write_arrays(path, version=VERSION, deviation_m=deviation_m, images=known.images)
 
 
 def load(path: Path, vertices: int) -> SurfaceConfidence:
@@ -29,7 +29,9 @@ def load(path: Path, vertices: int) -> SurfaceConfidence:
     if not path.is_file():
         return confidence.unknown(vertices)
     fault = "a damaged layer of the surface's confidence"
-    deviation_m, images = file_format.read_layer(path, "deviation_m", "images", version=VERSION, fault=fault)
+    deviation_m, images = file_format.read_arrays(
+        path, "deviation_m", "images", version=VERSION, fault=fault, remedy="build the map again"
+    )
     if (deviation_m.dtype, images.dtype) != (np.float16, np.uint8) or not (
         deviation_m.shape == images.shape == (vertices,)
     ):

@@ -21,7 +21,7 @@ VERSION = 1
 
 def save(path: Path, inferred: Mask) -> None:
     """Write the mask (nx, ny, nz) as a compressed `.npz`."""
-    file_format.write_layer(path, version=VERSION, inferred=inferred)
+    file_format.write_arrays(path, version=VERSION, inferred=inferred)
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> Mask:
@@ -33,7 +33,7 @@ def load(path: Path, shape: tuple[int, int, int]) -> Mask:
     if not path.is_file():
         return np.zeros(shape, bool)
     fault = "a damaged layer of inferred surface"
-    [inferred] = file_format.read_layer(path, "inferred", version=VERSION, fault=fault)
+    [inferred] = file_format.read_arrays(path, "inferred", version=VERSION, fault=fault, remedy="build the map again")
     if inferred.dtype != bool or inferred.shape != shape:
         raise FormatError(
             f"{path} holds {inferred.dtype} of shape {inferred.shape}, the field bool of {shape}; build the map again"

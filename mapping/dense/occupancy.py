@@ -56,7 +56,7 @@ def save(path: Path, stated: NDArray[np.float16] | None) -> None:
     """Write the layer as a compressed `.npz`; nothing if it is not known."""
     if stated is None:
         return
-    file_format.write_layer(path, version=VERSION, probability=stated)
+    file_format.write_arrays(path, version=VERSION, probability=stated)
 
 
 def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
@@ -68,7 +68,7 @@ def load(path: Path, shape: tuple[int, int, int]) -> NDArray[np.float16] | None:
     if not path.is_file():
         return None
     fault = "a damaged layer of occupancy probabilities"
-    [values] = file_format.read_layer(path, "probability", version=VERSION, fault=fault)
+    [values] = file_format.read_arrays(path, "probability", version=VERSION, fault=fault, remedy="build the map again")
     if values.dtype != np.float16 or values.shape != shape:
         raise FormatError(f"{path} holds {values.dtype} of shape {values.shape}, expected float16 of {shape}")
     if not (np.isnan(values) | ((values >= 0.0) & (values <= 1.0))).all():

@@ -48,7 +48,7 @@ def joined(first: Tracks, second: Tracks) -> Tracks:
 def save(folder: Path, tracks: Tracks) -> None:
     """Write it into the folder of a localization map; pixels to 1/1000."""
     index, pixels = tracks.index.astype(np.int32), tracks.pixels.astype(np.float32)
-    file_format.write_layer(folder / FILE, version=VERSION, index=index, pixels=pixels)
+    file_format.write_arrays(folder / FILE, version=VERSION, index=index, pixels=pixels)
 
 
 def load(folder: Path, points: int, instants: int, cameras: int) -> Tracks:
@@ -60,7 +60,9 @@ def load(folder: Path, points: int, instants: int, cameras: int) -> Tracks:
     path = folder / FILE
     if not path.is_file():
         return none()
-    index, pixels = file_format.read_layer(path, "index", "pixels", version=VERSION, fault="damaged")
+    index, pixels = file_format.read_arrays(
+        path, "index", "pixels", version=VERSION, fault="damaged", remedy="build the map again"
+    )
     fits = index.dtype == np.int32 and index.ndim == 2 and index.shape[1:] == (3,) and pixels.shape == (len(index), 2)
     if not fits or (index < 0).any() or (index >= [points, instants, cameras]).any() or not np.isfinite(pixels).all():
         raise FormatError(f"{path} is not of this map's points and images; build the map again")
