@@ -53,6 +53,11 @@ def together(flown: float, hidden: Hidden | None) -> float:
     return flown if hidden is None else flown + hidden.probability - flown * hidden.probability
 
 
+def forbids(risk: float, hidden: Hidden | None) -> bool:
+    """Whether it alone takes nearly all of an accepted risk, so that no flights could show a go."""
+    return hidden is not None and hidden.probability > _MOST_OF_RISK * risk
+
+
 def left_of(risk: float, hidden: Hidden | None) -> float:
-    """Of an accepted risk, what the flights are to show; all of it where nearly nothing is left, which is no go."""
-    return risk if hidden is None or hidden.probability > _MOST_OF_RISK * risk else risk - hidden.probability
+    """Of an accepted risk, what the flights are to show; all of it where it is no go in any case."""
+    return risk if hidden is None or forbids(risk, hidden) else risk - hidden.probability

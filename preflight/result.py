@@ -9,7 +9,7 @@ import numpy as np
 from firmware_bridge import _controller
 from flight import FloatArray, Trajectory
 from preflight import core, remedies, statistics
-from preflight.hidden import Hidden, left_of, together
+from preflight.hidden import Hidden, forbids, left_of, together
 from preflight.rare import MOST_FLIGHTS, Rare
 from preflight.record import BINS, Record
 from preflight.statistics import LEAST_SHARE, QUANTILES, Probability
@@ -162,7 +162,7 @@ class Result:
             return f"the risk is at most {self.upper:.1e}{self._of_hidden()}, and {self.risk:g} is accepted"
         if self.finished < LEAST_FINISHED:
             return f"only {100 * self.finished:.0f} % of the flights come to the end"
-        if self.hides and self.hidden is not None:
+        if self.hidden is not None and self.hides:
             met = self.hidden.probability
             left = "" if met > self.risk else ", which leaves the flights too little to show"
             return f"a thing hidden in the map is met by {met:.1e}{left}; {self.risk:g} is accepted"
@@ -178,7 +178,7 @@ class Result:
     @property
     def hides(self) -> bool:
         """Whether what the map may have missed alone forbids a go."""
-        return self.hidden is not None and self.hidden.probability > 0.0 and self._left == self.risk
+        return forbids(self.risk, self.hidden)
 
     @property
     def _left(self) -> float:
@@ -187,10 +187,6 @@ class Result:
     def _of_hidden(self) -> str:
         chance = 0.0 if self.hidden is None else self.hidden.probability
         return f" ({chance:.1e} of it hidden things)" if chance else ""
-
-    def _beside_hidden(self) -> str:
-        chance = 0.0 if self.hidden is None else self.hidden.probability
-        return f" and {chance:.1e} of hidden things" if chance else ""
 
     @property
     def beside_flights(self) -> str:
@@ -208,7 +204,8 @@ class Result:
             )
         if rare.risk.estimate <= self._left:
             more = f", which does not show {self._left:.3g}{self._more_by_levels()}"
-        return f"the risk is {rare.risk}{self._beside_hidden()}{more}"
+        in_all = f", in all at most {self.upper:.1e}{self._of_hidden()}" if self._of_hidden() else ""
+        return f"the risk is {rare.risk}{in_all}{more}"
 
     def _more_by_levels(self) -> str:
         """What would show more: larger levels, or where there are none, counting."""

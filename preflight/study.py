@@ -63,7 +63,7 @@ class Options:
     """Stop as soon as so many are lost that it can be no go."""
     rare: bool | None = None
     """Whether to go on to rarer flights, level by level (subset simulation); None: where counting takes more than
-    `MOST_COUNTED`, and no number of flights is given."""
+    `MOST_COUNTED` (`MOST_BESIDE_HIDDEN` where the map states what it misses), and no number of flights is given."""
 
     def __post_init__(self) -> None:
         if not LEAST_RISK <= self.risk <= LARGEST_RISK:
@@ -102,7 +102,7 @@ class Options:
     @property
     def by_levels(self) -> bool:
         if self.rare is None:
-            most = MOST_COUNTED if self.left == self.risk else MOST_BESIDE_HIDDEN
+            most = MOST_BESIDE_HIDDEN if self.left < self.risk else MOST_COUNTED
             return self.flights is None and statistics.flights_for(self.left) > most
         return self.rare
 

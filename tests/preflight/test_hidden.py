@@ -9,6 +9,7 @@ import preflight
 from esdf.visibility import CouldHide, Stretch
 from preflight import hidden, statistics
 from preflight.hidden import Hidden
+from preflight.rare import Rare, Risk
 from tests.preflight.conftest import EXACT, Wall
 
 PLACE = (1.0, 2.0, 3.0)
@@ -75,6 +76,16 @@ def test_no_refusal_states_a_risk_that_is_accepted(drone, curve):
     assert not lossy.go
     assert f"at most {lossy.upper:.1e} (3.0e-02 of it hidden things); 0.08 is accepted" in lossy.reason()
     assert lossy.upper > 0.08
+
+
+def test_a_refusal_by_levels_states_the_whole_bound(drone, curve):
+    """Of the levels alone the bound may be what is accepted."""
+    beside = flown(drone, curve, stated(0.03))
+    for reached in (True, False):
+        risk = Risk(20, 1000, 0.06, chance=0.055, reached=reached, levels=2)
+        rare = replace(beside, rare=Rare(risk, beside.record, {}, False))
+        assert not rare.go
+        assert f"at most {rare.upper:.1e} (3.0e-02 of it hidden things)" in rare.reason()
 
 
 def test_the_method_goes_by_the_accepted_risk_and_counts_what_is_left_of_it():

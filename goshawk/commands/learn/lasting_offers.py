@@ -42,10 +42,14 @@ def offers(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle]) -> tuple[l
     return said, commands
 
 
+def named(log: FlightLog) -> str:
+    """The beginning of the hash of the model that a flight was flown with; empty where the log does not tell."""
+    return str(log.metadata.get(HASH, "")).rstrip("0")  # zeros: the plan was not checked for a vehicle
+
+
 def flown_with(log: FlightLog, models: Mapping[Path, Vehicle]) -> Path | None:
     """The file of the model that a flight was flown with; the first where the log does not tell, None: another one."""
-    told = str(log.metadata.get(HASH, "")).rstrip("0")  # zeros: the plan was not checked for a vehicle
-    matching = [path for path, model in models.items() if vehicle.vehicle_hash(model).startswith(told)]
+    matching = [path for path, model in models.items() if vehicle.vehicle_hash(model).startswith(named(log))]
     return matching[0] if matching else None
 
 

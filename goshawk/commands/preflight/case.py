@@ -23,13 +23,13 @@ from preflight.result import SCHEMA, SCHEMA_VERSION
 
 COLUMNS: dict[str, type] = {
     "name": str, "status": str, "reason": str, "plan": str, "vehicle": str, "wind": str, "flights": int, "lost": int,
-    "risk_upper95": float, "finished": float, "clearance_q01_m": float, "clearance_least_m": float,
+    "risk_upper95": float, "hidden": float, "finished": float, "clearance_q01_m": float, "clearance_least_m": float,
     "error_q99_m": float, "tilt_q99_rad": float, "rotor_reserve_q01": float, "segment": int, "time_s": float,
     "x_m": float, "y_m": float, "z_m": float, "dominating": str, "dominating_share": float, "document_hash": str,
     "cpu_s": float,
 }  # fmt: skip
 """Of the tables; segment, time and place are where it is narrowest. `lost` is None by levels: its flights are no sample
-of all."""
+of all. `hidden` is of what the map may have missed, and part of `risk_upper95`; None where the map does not say."""
 GO, NO_GO = "go", "no-go"
 _OF_HIDDEN = (occupancy.FILE, "visibility.npz", "map.toml", "poses.csv", f"esdf/{EDITS}")
 """What a map says of what it may have missed; an edit that changes no voxel's state may change it, too."""
@@ -250,6 +250,7 @@ def _columns(document: dict[str, Any]) -> dict[str, Any]:
         "flights": document["risk"]["flights"],
         "lost": None if "levels" in document["risk"] else document["risk"]["count"],
         "risk_upper95": (document["risk_with_hidden"] or document["risk"])["upper95"],
+        "hidden": document["hidden"] and document["hidden"]["probability"],
         "finished": document["finished"],
         "clearance_q01_m": document["clearance_m"].get("q01"),
         "clearance_least_m": document["clearance_m"].get("least"),

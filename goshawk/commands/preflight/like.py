@@ -20,6 +20,8 @@ from vehicle import Vehicle
 _NO_FLIGHT = preflight.Uncertainty()
 UNTOLD = {"wind_m_s": "no wind, give --wind", "gust_std_m_s": "no gusts"}
 """In words, that an observer does not tell one of `AIR`; without a wind there are no gusts either."""
+ANOTHER, NO_MODEL = "; flown with another model", ", and the model is the one flown"
+"""Why it does not; and what is taken for granted of a log that does not name its model."""
 _TOLD_M_S = 0.5
 """Standard error of a wind up to which a flight tells it, or up to the wind itself: it is flown with that error."""
 _NAMED = 3
@@ -96,6 +98,10 @@ class _Blown:
 
     told: Mapping[str, float]
     """Fields of `Like`."""
+    foreign: bool = False
+    """Whether one of the flights was flown with none of the models."""
+    unnamed: bool = False
+    """Whether one does not name its model."""
 
     @staticmethod
     def of(logs: Sequence[FlightLog], models: Mapping[Path, Vehicle], air: Collection[str]) -> "_Blown":
@@ -107,15 +113,20 @@ class _Blown:
         if winds and "wind_m_s" in air:
             size, std = max(winds)
             told = {"wind_m_s": size, "wind_spread_ratio": max(_NO_FLIGHT.wind_spread_ratio, std / max(size, std))}
-        return _Blown(told | ({"gust_std_m_s": max(gusts)} if gusts and "gust_std_m_s" in air else {}))
+        told |= {"gust_std_m_s": max(gusts)} if gusts and "gust_std_m_s" in air else {}
+        observed = [log for log in logs if models and log.has("observer_state")]
+        return _Blown(
+            told,
+            foreign=any(lasting_offers.flown_with(log, models) is None for log in observed),
+            unnamed=any(not lasting_offers.named(log) for log in observed),
+        )
 
     def sentences(self, flights: str) -> tuple[str, ...]:
         """What is taken: the force is of the air, a load, or an attitude that is off; no log tells them apart."""
         parts = [f"wind of {size:.1f} m/s, from anywhere"] if (size := self.told.get("wind_m_s")) is not None else []
         parts += [f"gusts of {size:.1f} m/s"] if (size := self.told.get("gust_std_m_s")) is not None else []
-        return (
-            (f"from {flights}: {', '.join(parts)}, if the force that its observer saw is the air's",) if parts else ()
-        )
+        granted = "if the force that its observer saw is the air's" + (NO_MODEL if self.unnamed else "")
+        return (f"from {flights}: {', '.join(parts)}, {granted}",) if parts else ()
 
 
 def _lasted(log: FlightLog, models: Mapping[Path, Vehicle]) -> Steady | None:
@@ -158,7 +169,8 @@ def _sentence(found: Conditions, flights: str, told: Sequence[str], blown: _Blow
         assumed = f" ({' and '.join(missing)} assumed)" if missing else ""
         parts.append(f"noise up to {noise_words(replace(Sensors.typical(), **_noise(found)))}{assumed}")
     untold = [said for name, said in UNTOLD.items() if name in air and name not in blown.told]
-    return "; ".join([f"from {flights}: {', '.join(parts) or 'neither gaps nor noise'}", *untold[:1]])
+    why = ANOTHER if untold and blown.foreign else ""
+    return "; ".join([f"from {flights}: {', '.join(parts) or 'neither gaps nor noise'}", *untold[:1]]) + why
 
 
 def noise_words(sensors: Sensors) -> str:

@@ -122,6 +122,7 @@ class Outcome:
             "last_way_home_s": None if ways is None else home.last_s(ways),
             "carried_j": self.carried_j,
             "no_return_s": None if ways is None or not self.carried_j else home.no_return_s(ways, self._usable_j),
+            "no_return": self._no_return().get("no return"),
         }
 
     @property

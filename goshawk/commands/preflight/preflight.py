@@ -106,8 +106,11 @@ def _flown(
     scenario, options = subject.scenario, subject.options
     result = preflight.fly(scenario, options, progress=progress)
     advice, ways, replay = None, [], None
-    looked_for = advise and not result.cut_off and home.looked_for(subject)
-    if advise and not result.cut_off:
+    if advise and result.hides:
+        console.note("no advice: what the map may have missed alone forbids a go")
+    advise = advise and not result.cut_off and not result.hides
+    looked_for = advise and home.looked_for(subject)
+    if advise:
         with suppress(KeyboardInterrupt):  # what was found is kept
             if looked_for:
                 for way in home.ways_home(subject, moments, progress=progress):

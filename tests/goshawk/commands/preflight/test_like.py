@@ -103,7 +103,17 @@ def test_a_flight_of_another_model_tells_no_wind(folder, blown):
     flight_log.save(folder / "foreign.parquet", FlightLog(blown.columns, {"vehicle_hash": "ab12"}))
     found = Like.of([folder / "foreign.parquet"], models={folder / "vehicle.toml": vehicle.example()})
     assert found.wind_m_s == found.gust_std_m_s == 0.0
-    assert "no wind, give --wind" in found.said[0]
+    assert found.said[0].endswith("no wind, give --wind; flown with another model")
+
+
+def test_a_flight_of_this_model_is_taken_and_one_that_names_none_only_with_a_word(folder, blown):
+    models = {folder / "vehicle.toml": vehicle.example()}
+    own = {"vehicle_hash": vehicle.vehicle_hash(vehicle.example())}
+    for metadata, granted in ((own, False), ({}, True)):
+        flight_log.save(folder / "named.parquet", FlightLog(blown.columns, metadata))
+        found = Like.of([folder / "named.parquet"], models=models)
+        assert found.wind_m_s > 2.0
+        assert ("the model is the one flown" in found.said[-1]) is granted
 
 
 def test_the_flights_wind_is_flown_and_one_given_by_hand_wins(folder, blown, tmp_path):
