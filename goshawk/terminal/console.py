@@ -67,14 +67,6 @@ margin_option = click.option(
     "--margin", "margin_m", type=float, help="Clearance to keep beyond the vehicle's sphere, metres [default: 0.15]."
 )
 
-gust_option = click.option(
-    "--gust-std",
-    "gust_std_m_s",
-    type=click.FloatRange(min=0.0),
-    default=0.0,
-    show_default=True,
-    help="Standard deviation of gusts, m/s.",
-)
 columns_option = path_option(
     "--columns", "columns", "Column map: TOML file that describes a CSV's columns or ROS topics."
 )
