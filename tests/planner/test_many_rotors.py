@@ -12,19 +12,14 @@ from planner.gate import gate
 from planner.optimise import airframe
 from planner.optimise.corrections import measured_excess
 from planner.request import inputs
-from vehicle import Parameter, allocation, draft, flatness
-from vehicle.draft import Known
+from tests.vehicle import frames
+from vehicle import allocation, draft, flatness
 
 WAY = Waypoints(np.array([[0, 0, 1.5], [5, 0, 2], [5, 5, 1.5], [0, 5, 2.5]]), np.full(4, np.nan))
 
 
 def made(frame: str, axis_body=None):
-    hubs, spin = draft.layout(0.28, frame)
-    mass, radius = Parameter(1.6, 0.01, "kg", "given"), Parameter(0.115, 0.0, "m", "given")
-    known = Known(
-        name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, axis_body=axis_body, rotor_radius_m=radius,
-        hover_rad_s=500.0, rotor_speed_max_rad_s=900.0,
-    )  # fmt: skip
+    known = frames.large(frame, axis_body=axis_body)
     return draft.draft(known, limits="race").with_effect("rotor_drag_speed", drag_kg=1e-4)
 
 

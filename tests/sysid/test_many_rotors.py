@@ -11,8 +11,8 @@ from esdf import solids
 from flight import FlightLog, Trajectory, Waypoints
 from sysid.diagnosis import procedure
 from sysid.diagnosis.evidence import free_form
-from vehicle import Parameter, Vehicle, draft, flights, manoeuvres, simulate
-from vehicle.draft import Known
+from tests.vehicle import frames
+from vehicle import Vehicle, draft, flights, manoeuvres, simulate
 from vehicle.simulation.tracking import Tracker
 
 STEP_S = 0.005
@@ -27,12 +27,7 @@ WEAK = 4
 
 
 def believed() -> Vehicle:
-    hubs, spin = draft.layout(0.16, "hex")
-    mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
-    known = Known(
-        name="six", mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0,
-        rotor_speed_max_rad_s=900.0,
-    )  # fmt: skip
+    known = frames.small("hex", rotor_speed_max_rad_s=900.0)
     return draft.draft(known).with_effect("rotor_drag_speed", drag_kg=1e-4)
 
 

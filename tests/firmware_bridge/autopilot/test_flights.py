@@ -23,8 +23,8 @@ from tests.firmware_bridge.autopilot.simulated_autopilot import (
 )
 from tests.firmware_bridge.offboard import curves
 from tests.firmware_bridge.offboard.page import unchecked
-from vehicle import Parameter, draft
-from vehicle.draft import Known
+from tests.vehicle import frames
+from vehicle import draft
 
 HOVER = curves.hover(seconds=2.0)
 SOFTLY_M_S = 1.2
@@ -44,11 +44,7 @@ def at(time_s: float, act):
     return step
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
-def test_a_circle_is_flown_and_landed(kind):
-    simulation = flights.simulated(curves.circle(), kind)
-    flown = flights.fly(curves.circle(), simulation)
+def _require_flown_and_landed(flown: flights.Flown, simulation: SimulatedAutopilot) -> None:
     assert not flown.error
     assert not flown.early
     assert flown.log is not None
@@ -59,21 +55,16 @@ def test_a_circle_is_flown_and_landed(kind):
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_a_circle_is_flown_and_landed(kind):
+    simulation = flights.simulated(curves.circle(), kind)
+    _require_flown_and_landed(flights.fly(curves.circle(), simulation), simulation)
+
+
+@pytest.mark.slow
 def test_a_simulated_hexarotor_is_flown():
-    hubs, spin = draft.layout(0.28, "hex")
-    mass, radius = Parameter(1.6, 0.01, "kg", "given"), Parameter(0.115, 0.0, "m", "given")
-    known = Known(
-        name="hex", mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0,
-        rotor_speed_max_rad_s=900.0,
-    )  # fmt: skip
-    simulation = flights.simulated(HOVER, model=draft.draft(known))
-    flown = flights.fly(HOVER, simulation)
-    assert not flown.error
-    assert not flown.early
-    assert flown.log is not None
-    assert tracking(flown.log)["tracking_mean_m"] < 0.03
-    assert simulation.fastest_down_m_s < SOFTLY_M_S
-    assert not simulation.disarmed_high
+    simulation = flights.simulated(HOVER, model=draft.draft(frames.large("hex")))
+    _require_flown_and_landed(flights.fly(HOVER, simulation), simulation)
 
 
 def test_the_failsafe_is_said_before_it_is_armed_and_kept_in_the_log():

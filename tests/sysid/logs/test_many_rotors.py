@@ -15,18 +15,14 @@ from sysid.logs.checks.rotor_order import examine
 from sysid.logs.events.repair import Repair
 from sysid.logs.motors.full_throttle import by_limit, ratios
 from sysid.logs.readers.read_ulog import _motor_values
-from vehicle import Parameter, allocation, draft
-from vehicle.draft import Known
+from tests.vehicle import frames
+from vehicle import allocation, draft
 
 SPEED = "rotor_speed_rad_s"
 
 
 def made(frame: str):
-    hubs, spin = draft.layout(0.16, frame)
-    mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
-    return draft.draft(
-        Known(name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0)
-    )
+    return draft.draft(frames.small(frame))
 
 
 def turning(truth, rng: np.random.Generator, *, own: float = 3e4) -> FlightLog:

@@ -13,7 +13,8 @@ from firmware_bridge.controller import parameters_of
 from flight import FlightLog
 from sysid.estimator.validation.lasting import lasting
 from sysid.estimator.validation.steady import NEEDS, Known, Steady, steady
-from vehicle import Parameter, Vehicle, draft, manoeuvres, simulate
+from tests.vehicle import frames
+from vehicle import Vehicle, draft, manoeuvres, simulate
 
 FILE = vehicle.example("rigter2019")
 DRAG = ("rotor_drag_thrust", "parasitic_drag")
@@ -162,13 +163,10 @@ def test_flights_that_disagree_on_the_weight_raise_its_error():
 
 @pytest.mark.parametrize("frame", ["x", "hex", "octo"])
 def test_a_weak_rotor_of_any_number_is_told_with_its_own_loss(frame):
-    hubs, spin = draft.layout(0.16, frame)
-    mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
-    known = draft.Known(name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0)
-    body, loss = draft.draft(known).with_effect("weak_rotor"), 0.3
+    body, loss = draft.draft(frames.small(frame)).with_effect("weak_rotor"), 0.3
     missing = loss / body.rotors
     none, surely = Known(0.0, 1e-4), 1e-4
-    arm_x, arm_y = (float(arm) * missing for arm in hubs[1, :2])
+    arm_x, arm_y = (float(arm) * missing for arm in body.hub_body_m[1, :2])
     one = Steady(
         Known(1.0 / (1.0 - missing), surely),
         None,

@@ -11,7 +11,8 @@ from flight import FlightLog, InputError
 from sysid import HoverCommand, RotorThrust
 from sysid.estimator.without_pose.anchors import beside, rotor_thrust_n
 from sysid.logs.motors import full_throttle
-from vehicle import Parameter, draft
+from tests.vehicle import frames
+from vehicle import draft
 
 MASS_KG, GRAVITY = 0.65, 9.80665
 
@@ -141,10 +142,10 @@ def test_where_yaw_shows_only_a_ratio_the_shape_of_a_multirotor_settles_its_iner
 
 @pytest.mark.parametrize("frame", ["x", "hex", "octo"])
 def test_a_hover_command_is_of_all_rotors_of_the_vehicle(frame):
-    hubs, spin = draft.layout(0.16, frame)
-    mass, radius = Parameter(0.9, 0.01, "kg", "given"), Parameter(0.09, 0.0, "m", "given")
-    known = draft.Known(name=frame, mass_kg=mass, hub_body_m=hubs, spin=spin, rotor_radius_m=radius, hover_rad_s=500.0)
-    body, flight = draft.draft(known), SimpleNamespace(full_throttle_rad_s=1000.0, battery_v=np.array([np.nan]))
+    body, flight = (
+        draft.draft(frames.small(frame)),
+        SimpleNamespace(full_throttle_rad_s=1000.0, battery_v=np.array([np.nan])),
+    )
     right = beside([HoverCommand(0.5, 0.01)], [cast(Any, flight)], body, (), {})
     assert right.hovers_at(body, None) == pytest.approx(0.5, abs=1e-3)
     assert right.errors(body) == pytest.approx(0.0, abs=1e-3)
