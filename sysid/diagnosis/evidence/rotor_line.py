@@ -12,8 +12,8 @@ import numpy as np
 
 from flight import FlightLog
 from flight.rotations import FloatArray
+from sysid.estimator.motors import rotor_speed
 from sysid.estimator.result import Identification
-from sysid.estimator.without_pose import rotors
 
 BLOCK_S = 0.25
 """Within which a line keeps its phase."""
@@ -125,7 +125,7 @@ def _median(values: FloatArray, weight: FloatArray) -> FloatArray:
 
 def _pieces(logs: Sequence[FlightLog], fit: Identification) -> Iterator[_Piece]:
     """Of each flight that was fitted."""
-    point = fit.solution.point
+    sensors = fit.solution.point.sensors
     for flight in fit.flights:
         log = logs[flight.log_index]
         force = log.vector("specific_force_body_m_s2")
@@ -133,8 +133,8 @@ def _pieces(logs: Sequence[FlightLog], fit: Identification) -> Iterator[_Piece]:
         time_s, middle_s = log.time_s[inside], 0.5 * (flight.time_s[:-1] + flight.time_s[1:])
         if len(time_s) < 2 or time_s[-1] - time_s[0] < BLOCK_S:
             continue
-        driven = rotors.turned(flight, point.vehicle, (), point.sensors).flight
-        speed = np.stack([np.interp(time_s, middle_s, one) for one in driven.rotor_speed_rad_s.T], axis=1)
+        aligned = rotor_speed.aligned(flight, sensors)
+        speed = np.stack([np.interp(time_s, middle_s, one) for one in aligned.rotor_speed_rad_s.T], axis=1)
         yield _Piece(time_s, force[inside], speed)
 
 

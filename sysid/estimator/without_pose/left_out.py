@@ -2,8 +2,7 @@
 
 Before any flight its size is normal about zero with the usual size as standard deviation. The flights tell of it, too:
 one Gauss-Newton step from the optimum estimates it beside the parameters. What both leave possible, its root mean
-square, states the error of having left it out. Taken at its usual size in full, as if the flights said nothing, inertia
-about z was stated to 4 % where it was known to 1.3.
+square, states the error of having left it out.
 """
 
 from collections.abc import Sequence
