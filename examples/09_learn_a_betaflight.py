@@ -1,7 +1,7 @@
 """A vehicle with Betaflight learnt in two flights: settings, plan, flight, blackbox, diagnosis, and a better flight.
 
 You will see: Betaflight 4.6's real firmware fly plans round a column, in a simulated body with drag that its file
-lacks; the diagnosis name it; and the same plan flown closer. The idea: every step is a verb, as on the bench.
+lacks; the diagnosis name it; and the same laps flown closer. The idea: every step is a verb, as on the bench.
 """
 
 import json
@@ -16,11 +16,10 @@ import vehicle
 from esdf import solids
 from firmware_bridge.betaflight_sitl import process
 from firmware_bridge.betaflight_sitl.body import SETTINGS
-from flight import Waypoints, trajectory
+from flight import Waypoints
 from flight.mission import Laps, Mission
-from planner import PlanOptions, checked_file, save_plan
+from planner import PlanOptions, save_plan
 from planner import mission as missions
-from planner.gate import gate
 
 OUT = Path(sys.argv[1] if len(sys.argv) > 1 else "example-out").resolve()
 OUT.mkdir(parents=True, exist_ok=True)
@@ -87,10 +86,8 @@ assert HIDDEN in learnt.effects, f"the diagnosis added {set(learnt.effects) - se
 for name, value in ((f"{HIDDEN}.drag_s_m", DRAG_S_M), ("thrust_quadratic.k_n_s2", THRUST * k)):
     print(f"  {name}: {learnt.value(name):.4g} learnt, {value:.4g} in the body")
 
-# The same path again, checked for the vehicle as learnt; the controller now compensates the drag.
-path = plans["laps"].trajectory
-checked = gate.check(path, room, learnt, options)
-trajectory.save(OUT / "laps.json", checked_file(path, checked, rings["laps"], name="laps"))
+# The same laps, planned for the vehicle as learnt; the controller now compensates the drag.
+save_plan(OUT / "laps.json", missions.plan(asked["laps"], room, learnt, options), name="laps")
 after_m = flown("laps", "learnt.toml", "laps_again")
 print(f"laps: {1e3 * before['laps']:.0f} mm before, {1e3 * after_m:.0f} mm after")
 
