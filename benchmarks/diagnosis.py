@@ -27,6 +27,10 @@ MOST_JOBS = 2
 ABOVE = 2.0
 """Singles and pairs count when their size is this many times the smallest detectable one."""
 
+NEAR_OPTIMUM = 1.05
+"""Held-out error of the model that is written over that of the same fit with the true law's form."""
+MOST_LINES = 24
+
 WAKE = "v_x v_y"
 """What the speed of the wake towards a rotor, `s`, is made of."""
 
@@ -112,6 +116,7 @@ def rows(results: list[Result]) -> list[report.Row]:
         _share("effects or forms hidden: family named, no other", map(family_is_right, _hiding(kind)), 0.9),
         *_names(results, kind["foreign"]),
         *_sizes(results),
+        *_written(results),
         *_belief(results),
         *_time(results),
     ]
@@ -233,6 +238,38 @@ def _sizes(results: list[Result]) -> list[report.Row]:
         ),
         report.row(f"{what}: worst decile", low, "", ">= 0.9", low >= 0.9 if len(shares) else None),
         report.row(f"90 % intervals of added sizes that hold ({len(flags)})", coverage, "", "0.87-0.93", inside),
+    ]
+
+
+def _written(results: list[Result]) -> list[report.Row]:
+    """What a user has besides the sentence; results of before these were kept are left out."""
+    answers = [r["answer"] for r in results if "answer" in r]
+    better = [a for a in answers if a["halves"]]
+    lines = [a["lines"] for a in answers]
+    most = max(lines, default=None)
+    marked = [a["marked"] for a in answers if a["for_prediction"]]
+    written = {"those for prediction alone": len(marked), "of them marked": sum(marked)}
+    optima = [(r["optimum"]["written"] / r["optimum"]["optimum"], r["equation"]) for r in results if "optimum" in r]
+    over = [ratio for ratio, _ in optima]
+    own = [ratio for ratio, law in optima if law]
+    near = {
+        "with an equation": len(own),
+        "of them within": sum(ratio <= NEAR_OPTIMUM for ratio in own),
+        "worst": max(over, default=float("nan")),
+    }
+    return [
+        _share(
+            "other forms: held-out error within 5 % of the optimum", (x <= NEAR_OPTIMUM for x in over), 0.8, peers=near
+        ),
+        _share("held-out error halves: a model is written", (a["written"] for a in better), 1.0, peers=written),
+        report.row(
+            f"lines of 80 columns without --details: most (of {len(lines)})",
+            most if most is not None else float("nan"),
+            "",
+            "<= 24",
+            None if most is None else most <= MOST_LINES,
+            {"median": float(np.median(lines)) if lines else float("nan")},
+        ),
     ]
 
 

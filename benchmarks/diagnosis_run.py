@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import diagnosis_written
 from blind_campaigns import LOADED
 
 import sysid
@@ -61,7 +62,11 @@ def score(folder: Path) -> dict[str, Any]:
         "truth": {k: truth[k] for k in TOLD},
         "ratio": {effect: ratio(effect, sizes, diagnosed["candidates"]) for effect, sizes in truth["hidden"].items()},
         "inside": inside(diagnosed, truth),
+        "answer": diagnosis_written.answer(found),
         **errors(training, held_out, given, found, truth),
+        **(
+            diagnosis_written.beside_optimum(training, held_out, given, found, truth) if truth["kind"] == "form" else {}
+        ),
     }
 
 

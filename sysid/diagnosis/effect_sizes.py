@@ -9,7 +9,6 @@ from sysid.diagnosis.evidence.score import Score
 from sysid.diagnosis.findings import Size
 from sysid.diagnosis.thresholds import THRESHOLDS
 from sysid.estimator.result import Identification
-from sysid.estimator.uncertainty.errors import NORMAL_90
 from vehicle import effects
 from vehicle.model import ROTORS
 
@@ -38,8 +37,10 @@ def scored(candidate: Candidate, found: Score) -> tuple[Size, ...]:
     """Of one that is not, to first order."""
     units = {s.name: s.unit for s in effects.find(candidate.effect, ROTORS[1]).parameters}
     return tuple(
-        Size(n, units[n.split(".")[1]], float(v), float(sigma), NORMAL_90 * float(sigma), _visible(sigma, usual), usual)
-        for n, v, sigma, usual in zip(candidate.parameters, found.size, found.sigma, candidate.usual, strict=True)
+        Size(n, units[n.split(".")[1]], float(v), float(sigma), float(half), _visible(sigma, usual), usual)
+        for n, v, sigma, half, usual in zip(
+            candidate.parameters, found.size, found.sigma, found.half90, candidate.usual, strict=True
+        )
     )
 
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from flight.rotations import FloatArray
 from sysid.diagnosis.evidence.evidence import Blocks
 from sysid.estimator.flights.flight_data import IndexArray
+from sysid.estimator.uncertainty.errors import NORMAL_90
 
 FOLDS = 8
 """Blocks are dealt out to this many folds in turn for cross-validation."""
@@ -23,6 +24,10 @@ class Score:
     """(q,) one-step estimates."""
     covariance: FloatArray
     """(q, q) that allows for errors correlated within a block and for slightly wrong forms."""
+    plain: FloatArray
+    """(q,) variances that white noise alone would mean."""
+    shown_by: FloatArray
+    """(q,) how many blocks show each size in effect: its variance is known no better than from so many samples."""
     gain: float
     """Predicted fall of half the sum of squares on these flights."""
     gain_unseen: float
@@ -37,7 +42,12 @@ class Score:
     def first(self, count: int) -> "Score":
         """The same, but sizes of the first columns alone."""
         return replace(
-            self, columns=self.columns[:count], size=self.size[:count], covariance=self.covariance[:count, :count]
+            self,
+            columns=self.columns[:count],
+            size=self.size[:count],
+            covariance=self.covariance[:count, :count],
+            plain=self.plain[:count],
+            shown_by=self.shown_by[:count],
         )
 
     @property
@@ -48,6 +58,15 @@ class Score:
     @property
     def sigma(self) -> FloatArray:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def half90(self) -> FloatArray:
+        """(q,) half widths of the 90 % intervals, by the law of those of a fit (`uncertainty.errors`): few blocks may
+        scatter less than the noise alone makes them, by chance, and know their own scatter badly."""
+        from scipy.special import stdtrit
+
+        of_blocks = stdtrit(self.shown_by, 0.95) * self.sigma
+        return np.maximum(of_blocks, NORMAL_90 * np.sqrt(self.plain))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,19 +98,22 @@ def score(
     given = alone.columns
     kept = np.ones(len(tested), dtype=bool)
     wide = np.zeros((len(tested), len(tested)))
+    white, shown_by = np.zeros(len(tested)), np.ones(len(tested))
     while True:
         columns = np.concatenate([given, tested[kept]])
         part = blocks.only(columns)
         step, covariance, inverse = _robust(part)
         size = step[len(given) :]
         wide[np.ix_(kept, kept)] = covariance[len(given) :, len(given) :]
+        white[kept] = np.diag(inverse)[len(given) :]
+        shown_by[kept] = _shown_by(part, inverse)[len(given) :]
         wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
         if not wrong.any():
             break
         kept[np.flatnonzero(kept)[wrong]] = False
         if not kept.any():
             nothing = np.zeros(len(tested))
-            return Score(tested, nothing, wide, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0, 1.0)
+            return Score(tested, nothing, wide, white, shown_by, 0.0, 0.0, np.zeros(len(blocks.score)), 1.0, 1.0)
     gain = _fall(part, step) - alone.gain
     unseen = _cross_validated(part) - alone.unseen_by_block
     q = int(kept.sum())
@@ -103,7 +125,7 @@ def score(
     plain = inverse[len(given) :, len(given) :]
     dispersion = max(1.0, float(np.trace(_pseudo(plain) @ covariance)) / q)
     chance = _chance(q, freedom, wald)
-    return Score(tested, full, wide, gain, float(unseen.sum()), unseen, chance, dispersion)
+    return Score(tested, full, wide, white, shown_by, gain, float(unseen.sum()), unseen, chance, dispersion)
 
 
 def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -116,6 +138,12 @@ def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray, FloatArray]:
     count, p = left.shape
     freed = np.linalg.solve(np.eye(p) - blocks.information @ inverse + 1e-9 * np.eye(p), left[:, :, None])[:, :, 0]
     return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count), inverse
+
+
+def _shown_by(blocks: Blocks, inverse: FloatArray) -> FloatArray:
+    """(p,) how many blocks each variance rests on in effect (Satterthwaite), one at least."""
+    shares = np.einsum("ip,bij,jp->bp", inverse, blocks.information, inverse)
+    return np.maximum(shares.sum(axis=0) ** 2 / np.maximum(np.square(shares).sum(axis=0), 1e-300), 1.0)
 
 
 def inverse_of(information: FloatArray) -> FloatArray:

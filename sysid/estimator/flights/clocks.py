@@ -141,17 +141,27 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
 
     Then the pose is the one that is off. Rotor speed alone is taken so as well: telemetry is never ahead of the rotors.
     Commands are no witness, for they are ahead of the rotors on every vehicle; where nothing else is known of the
-    rotors, the gyro is.
+    rotors, the gyro is. A stream that is nearer to no delay than to theirs is on time with the pose, and speaks against
+    it being late, however short the delay.
     """
     against = [c for c in clocks if c.against == "pose" and c.stream != STREAMS[COMMAND]]
     rotors = [clock for clock in against if clock.stream == STREAMS[ROTOR_SPEED]]
     witnesses = rotors or [clock for clock in against if clock.stream == STREAMS[GYRO]]
     if not witnesses:
         return False
-    weight = np.array([clock.std_robust**-2 for clock in witnesses])
-    common_s = float(weight @ [clock.delay_s for clock in witnesses] / weight.sum())
-    agree = all(abs(c.delay_s - common_s) < LEAST_DELAY_S + SURE_SIGMAS * c.std_robust for c in against)
-    return agree and common_s < -max(LEAST_DELAY_S, SURE_SIGMAS * float(weight.sum()) ** -0.5)
+    common_s, std_s = _mean(witnesses)
+    if not common_s < -max(LEAST_DELAY_S, SURE_SIGMAS * std_s):
+        return False
+    apart_s = min(LEAST_DELAY_S, -0.5 * common_s)
+    others = [clock for clock in against if clock not in witnesses]
+    agree = all(abs(c.delay_s - common_s) < apart_s + SURE_SIGMAS * c.std_robust for c in against)
+    return agree and (not others or _mean(others)[0] < 0.5 * common_s)
+
+
+def _mean(clocks: Sequence[Clock]) -> tuple[float, float]:
+    """Weighted mean of delays and its standard error, s."""
+    weight = np.array([clock.std_robust**-2 for clock in clocks])
+    return float(weight @ [clock.delay_s for clock in clocks] / weight.sum()), float(weight.sum()) ** -0.5
 
 
 def gyro_is_early(clocks: Sequence[Clock]) -> bool:

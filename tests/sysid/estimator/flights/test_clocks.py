@@ -184,6 +184,14 @@ def test_the_pose_is_late_only_where_all_other_streams_are_early_alike():
     assert not pose_is_late([])
 
 
+def test_a_stream_on_time_with_the_pose_speaks_against_a_late_pose_however_short_the_delay():
+    assert not pose_is_late([clock("rotor speed", -1.1), clock("gyro", 0.0)])
+    assert not pose_is_late([clock("rotor speed", -1.1), clock("gyro", -0.2, 0.2)])
+    assert not pose_is_late([clock("rotor speed", -1.1, 0.02), *(clock("gyro", -0.1, 0.5) for _ in range(4))])
+    assert pose_is_late([clock("rotor speed", -1.1), clock("gyro", -1.0)])
+    assert pose_is_late([clock("rotor speed", -1.8), clock("gyro", -1.2)])
+
+
 def test_a_gyro_that_is_early_in_every_flight_leaves_open_whether_the_pose_is_late():
     assert gyro_is_early([clock("gyro", -3.6), clock("rotor speed", 3.7), clock("gyro", -3.5)])
     assert not gyro_is_early([clock("gyro", -3.6), clock("rotor speed", -3.7)])  # the pose is late, and all agree
