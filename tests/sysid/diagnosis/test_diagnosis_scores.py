@@ -267,3 +267,23 @@ def test_the_nearest_law_that_is_said_to_show_too_small_to_matter_is_no_silence(
     other["diagnosis"]["attempts"] = small["diagnosis"]["attempts"]
     assert not sentence_is_right(other)
     assert not family_is_right(other)
+
+
+def test_what_is_written_stands_beside_the_optimum_and_its_lines_and_fate_are_counted():
+    def kept(written, equation, lines, *, halves=True, fate=True):
+        answer = {"lines": lines, "halves": halves, "written": fate, "for_prediction": False, "marked": False}
+        return result("form") | {
+            "answer": answer,
+            "optimum": {"written": written, "optimum": 0.1, "given": 1.0},
+            "equation": equation,
+        }
+
+    results = [kept(0.104, "x", 20), kept(0.106, None, 25), kept(0.09, None, 22, halves=False, fate=False)]
+    near = score(results, "other forms: held-out error")
+    assert near.value == pytest.approx(2 / 3)
+    assert (near.peers["with an equation"], near.peers["of them within"]) == (1, 1)
+    assert score(results, "held-out error halves").value == 1.0
+    assert score([kept(0.1, None, 24, fate=False)], "held-out error halves").ok is False
+    assert score(results, "lines of 80 columns").value == 25
+    assert score(results, "lines of 80 columns").ok is False
+    assert score([result("form")], "lines of 80 columns").ok is None

@@ -11,7 +11,7 @@ NORMAL_90 = 1.6449
 
 
 def twins(rng: np.random.Generator, shown_by: int, blocks: int = 24, wild: float = 1.0) -> Blocks:
-    """Without the tested effect, which `shown_by` blocks would show: errors white, or wilder than the fit takes them."""
+    """Without the tested effect, which `shown_by` blocks would show; errors white, or wilder than the fit has them."""
     own = np.zeros((blocks, 2, 2))
     own[:, 0, 0] = 1.0
     own[:shown_by, 1, 1], own[:shown_by, 0, 1], own[:shown_by, 1, 0] = 1.0, 0.3, 0.3
