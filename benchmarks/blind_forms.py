@@ -161,7 +161,9 @@ def _drag(rng: Rng, radius_m: float) -> Form:
         law = "F_xy = -c tanh(v / s)"
     else:
         extra, law = SteepDrag(_size(rng, 0.1, 0.4)), "F = -c |v|^1.6 v"
-    near = ("parasitic_drag", "parasitic_drag_linear", "parasitic_drag_speed", "rotor_drag_speed", "rotor_drag_thrust")
+    near = ("parasitic_drag", "parasitic_drag_speed", "rotor_drag_speed", "rotor_drag_thrust")
+    if isinstance(extra, SaturatingDrag):  # an exponent below one: the linear law is the nearest
+        near += ("parasitic_drag_linear",)
     return Form(extra, near, ("F_x", "F_y", "F_z"), ("v_x", "v_y", "v_z", "speed"), law)
 
 

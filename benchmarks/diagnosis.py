@@ -49,6 +49,8 @@ def names(result: Result) -> list[str]:
 
 def too_small(result: Result) -> list[str]:
     """Effects that the sentence says to show, too small to matter: added, never taken out, and not named as missing."""
+    if "negligible" in result["diagnosis"]:
+        return [effect_of(name) for name in result["diagnosis"]["negligible"]]
     ended = {effect_of(name): outcome for name, outcome, _ in result["diagnosis"].get("attempts") or ()}
     named = {*map(effect_of, result["diagnosis"]["additions"])}
     return [name for name, outcome in ended.items() if outcome == "added" and name not in named]
@@ -85,13 +87,14 @@ def outside_is_right(result: Result) -> bool:
 def sentence_is_right(result: Result) -> bool:
     """Whether names, curve and silence together tell the truth."""
     diagnosed, hidden, said = result["diagnosis"], set(result["truth"]["hidden"]), names(result)
-    if any(name not in right(result) for name in said):
+    shows = [name for name in too_small(result) if name != "imu_errors"]
+    if any(name not in right(result) for name in (*said, *shows)):
         return False
     curve_is_right = outside_is_right(result) or (result["kind"] == "foreign" and _of_drag(diagnosed["outside"]))
     if diagnosed["outside"] is not None and not curve_is_right:
         return False
     undecided = {effect_of(name) for name in diagnosed.get("undecided") or ()}
-    said += [name for name in too_small(result) if name in right(result)]
+    said += shows
     if undecided and not undecided & {*right(result)}:
         return False
     if result["kind"] in ("outside", "form"):

@@ -84,6 +84,7 @@ def stated(found: Any) -> dict[str, Any]:
     outside = found.outside
     return {
         "additions": list(found.additions),
+        "negligible": list(found.negligible),
         "proxies": list(found.proxies),
         "undecided": list(found.undecided),
         "doubts": list(found.doubts),

@@ -257,7 +257,7 @@ def of_another_form(model: Model, named: Sequence[tuple[Candidate, float]]) -> d
         named: effects, each with the fall of the cost as it was added.
     """
     stated_curve(model)
-    drags = [candidate for candidate, _ in named if effects.find(candidate.effect).family == DRAG]
+    drags = [candidate for candidate, _ in named if _is_drag(candidate)]
     own = [(curve, [of]) for curve in model.tried.drawn if (of := form_of(curve, named, model.tried.drawn)) is not None]
     own += [(curve, drags) for curve in _curves(model, [DRAG])] if drags else []
     found: dict[str, float] = {}
@@ -283,8 +283,8 @@ def form_of(
     curve: Outside, named: Sequence[tuple[Candidate, float]], drawn: Sequence[Outside] = ()
 ) -> Candidate | None:
     """The named effect of whose law a curve is the form: in its channel, by what it reads, and of which the curve
-    explains a small share; None if there is none. What follows a level axis' own speed along it is drag whatever its
-    share: beside a named drag it is that one's form.
+    explains a small share; None if there is none. What follows a level axis' own speed along it is drag: beside named
+    drags it is the form of one of them as long as it explains less.
 
     Then the curve shows that this effect's law is not exactly the catalogue's, and nothing that is missing besides.
 
@@ -294,15 +294,18 @@ def form_of(
         drawn: other curves of the same model.
     """
     own = [(explained, candidate) for candidate, explained in named if _by_what_it_reads(curve, candidate, drawn)]
-    most, best = max(own, key=lambda pair: pair[0], default=(0.0, None))
-    share = 1.0 if best is not None and _is_drag(curve, best) else THRESHOLDS.form_share
+    drags = [pair for pair in own if (curve.channel, curve.variable) in LEVEL_DRAG and _is_drag(pair[1])]
+    most, best = max(drags or own, key=lambda pair: pair[0], default=(0.0, None))
+    share = 1.0 if drags else THRESHOLDS.form_share
     return best if curve.score.gain_unseen < share * most else None
 
 
-def _is_drag(curve: Outside, candidate: Candidate) -> bool:
-    """Whether both are a force along a level axis by the speed along it."""
-    along = (curve.channel, curve.variable) in {("F_x", "v_x"), ("F_y", "v_y")}
-    return along and effects.find(candidate.effect).family == DRAG
+LEVEL_DRAG = (("F_x", "v_x"), ("F_y", "v_y"))
+"""Channel and variable of a force along a level axis by the speed along it."""
+
+
+def _is_drag(candidate: Candidate) -> bool:
+    return effects.find(candidate.effect).family == DRAG
 
 
 def _by_what_it_reads(curve: Outside, candidate: Candidate, drawn: Sequence[Outside]) -> bool:

@@ -323,13 +323,12 @@ def diagnose(
         auto: add all that is missing, not only the first.
 
     Raises:
-        InputError: no flight, a log that cannot be used, flights that all hover or of two vehicles, or
+        InputError: no flight, a log that cannot be used, flights that show too little or of two vehicles, or
             `options.free`.
     """
     names = [str(log.metadata.get("name", f"flight {i + 1}")) for i, log in enumerate((*logs, *held_out))]
     _validate(logs, held_out, options)
     shared = repeated.check((*logs, *held_out), names)
-    lacking = kinds_of_motion.check(logs, vehicle)
     input_verdict = fits.of_logs(check_log(log, vehicle) for log in (*logs, *held_out))
     options = while_searching(options or Options(gusts="white"))
     try:
@@ -367,7 +366,7 @@ def diagnose(
         held_out=tuple(names[len(logs) :]),
         findings=first.said
         + ((found.too_short,) if found.too_short else ())
-        + lacking
+        + kinds_of_motion.notes(logs, vehicle)
         + of_forms(found)
         + last.findings
         + left_out(found.unseen)

@@ -96,9 +96,10 @@ def _finding(found: Search, candidate: Candidate, error_m: float, *, unsure: boo
 
 def of_forms(found: Search) -> tuple[str, ...]:
     """Which named effects have not exactly the catalogue's law, and where that shows."""
+    explained = {t.candidate.name: t.training.total for t in found.trials}
     return tuple(
         f"the law of {candidate.name} is not exactly the catalogue's: what it leaves of {curve.channel} follows "
-        f"{curve.variable}, less than {THRESHOLDS.form_share:.0%} of what it explains"
+        f"{curve.variable}, {curve.score.gain_unseen / explained[candidate.name]:.0%} of what it explains"
         for candidate, curve in found.forms
     )
 

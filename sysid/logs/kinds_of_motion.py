@@ -4,78 +4,90 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from flight import FlightLog, InputError, rotations
+from flight import FlightLog, rotations
 from flight.rotations import FloatArray
-from sysid.logs.checks.motion import LONGEST_S
+from sysid.logs.checks.motion import FARTHEST_M, LONGEST_S
 from vehicle import Vehicle
 
 LEVEL, VERTICAL, TILTING, YAWING = "level flight", "climb and descent", "roll and pitch", "yaw"
 FLY = {LEVEL: "fast_level", VERTICAL: "vertical", TILTING: "doublets", YAWING: "yaw_doublets"}
 """A manoeuvre of each kind."""
 LEAST_SPEED = 0.25
-"""Of the downwash in hover: what air speed changes at the rotors is of this order. Gusts move a hover by less."""
-HOVERS = 0.4
-"""Of that: what stays below, and turns less than the rates below, hovers."""
+"""Of the downwash in hover: what air speed changes at the rotors is of this order."""
 LEAST_RATE_RAD_S = {TILTING: 1.0, YAWING: 0.8}
 STEP_S = 0.2
-"""Motion is taken between poses this far apart, beside which their noise is small."""
-REACHED = 0.99
-"""A speed is what this share of a flight stays below."""
+"""Velocity is taken between poses this far apart, beside which their noise is small."""
+LASTS_S, LEAST_SAMPLES = 0.5, 3
+"""A flight shows what it does for so long in all, and in so many samples: no jump of a pose, and however long it is."""
 
 
-def check(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[str, ...]:
-    """Refuse flights that all hover; of others, say which kinds of motion none of them shows.
-
-    Logs without a pose show no kind, and are not judged.
-
-    Raises:
-        InputError: all hover.
-    """
-    seen = [most for log in logs if (most := _most(log)) is not None]
-    if not seen:
-        return ()
-    most = {kind: max(one[kind] for one in seen) for kind in FLY}
+def notes(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[str, ...]:
+    """Say which kinds of motion no flight shows; nothing of a kind that some log has no measurement of."""
+    seen = [_most(log) for log in logs]
     speed = LEAST_SPEED * _downwash_m_s(vehicle)
     least = {LEVEL: speed, VERTICAL: speed, **LEAST_RATE_RAD_S}
-    lacking = [kind for kind in FLY if not most[kind] >= least[kind]]
+    judged = [kind for kind in FLY if seen and all(kind in one for one in seen)]
+    lacking = [kind for kind in judged if not max(one[kind] for one in seen) >= least[kind]]
     if not lacking:
         return ()
+    alike = "all flights hover" if len(lacking) == len(FLY) else "all flights are of one kind"
+    alike = f"{alike}: " if len(lacking) >= len(FLY) - 1 and len(seen) > 1 else ""
     to_fly = ", ".join(FLY[kind] for kind in lacking)
-    fastest = max(most[LEVEL], most[VERTICAL])
-    if len(lacking) == len(FLY) and fastest < HOVERS * speed:
-        raise InputError(
-            f"all flights hover: they reach {fastest:.2g} m/s, and below {HOVERS * speed:.2g} m/s air speed tells "
-            f"nothing; fly {to_fly}"
-        )
-    alike = "all flights are of one manoeuvre: " if len(lacking) == len(FLY) - 1 and len(seen) > 1 else ""
     return (f"{alike}no {', no '.join(lacking)}, so what acts there cannot be told; fly {to_fly}",)
 
 
-def _most(log: FlightLog) -> dict[str, float] | None:
-    """Of each kind, how much of it a flight shows: m/s, or rad/s; None without a pose, or in another unit of time."""
-    if not (log.has("position_world_m") and log.has("q_world_body")):
-        return None
+def _most(log: FlightLog) -> dict[str, float]:
+    """Of each kind that the log has a measurement of, how much of it the flight shows: m/s, or rad/s.
+
+    Of none in a log that is in another unit of time: that is its own check's to say.
+    """
+    found: dict[str, float] = {}
+    if log.has("position_world_m") and log.has("q_world_body"):
+        found |= _by_pose(log)
+    if log.has("rate_body_rad_s"):
+        found |= _by_gyro(log)
+    return found
+
+
+def _by_pose(log: FlightLog) -> dict[str, float]:
     position, q = log.vector("position_world_m"), log.vector("q_world_body")
-    known = np.flatnonzero(np.isfinite(position).all(axis=1) & np.isfinite(q).all(axis=1))
+    usable = (np.abs(position) < FARTHEST_M).all(axis=1) & np.isfinite(q).all(axis=1)
+    known = np.flatnonzero(usable)
     time_s = log.time_s[known]
     if len(known) < 2 or not time_s[-1] - time_s[0] < LONGEST_S:
-        return None
+        return {}
     at = known[np.unique(np.searchsorted(time_s, np.arange(time_s[0], time_s[-1], STEP_S)))]
     if len(at) < 2:
-        return None
-    step_s = np.diff(log.time_s[at])[:, None]
-    velocity = np.diff(position[at], axis=0) / step_s
-    rate = rotations.log(rotations.multiply(rotations.conjugate(q[at][:-1]), q[at][1:])) / step_s
-    return {
-        LEVEL: _reached(velocity[:, :2]),
-        VERTICAL: _reached(velocity[:, 2:]),
-        TILTING: _reached(rate[:, :2]),
-        YAWING: _reached(rate[:, 2:]),
-    }
+        return {}
+    step_s = np.diff(log.time_s[at])
+    velocity = np.diff(position[at], axis=0) / step_s[:, None]
+    turned = rotations.log(rotations.multiply(rotations.conjugate(q[at][:-1]), q[at][1:])) / step_s[:, None]
+    motions = {LEVEL: velocity[:, :2], VERTICAL: velocity[:, 2:], TILTING: turned[:, :2], YAWING: turned[:, 2:]}
+    return {kind: _reached(motion, step_s) for kind, motion in motions.items()}
 
 
-def _reached(motion: FloatArray) -> float:
-    return float(np.quantile(np.linalg.norm(motion, axis=1), REACHED))
+def _by_gyro(log: FlightLog) -> dict[str, float]:
+    """Quicker turns than poses show."""
+    rate = log.vector("rate_body_rad_s")
+    known = np.flatnonzero(np.isfinite(rate).all(axis=1))
+    time_s = log.time_s[known]
+    if len(known) < 2 or not time_s[-1] - time_s[0] < LONGEST_S:
+        return {}
+    rate, step_s = rate[known[1:]], np.diff(time_s)
+    return {TILTING: _reached(rate[:, :2], step_s), YAWING: _reached(rate[:, 2:], step_s)}
+
+
+def _reached(motion: FloatArray, step_s: FloatArray) -> float:
+    """What is reached for `LASTS_S` in all.
+
+    Args:
+        motion: (k, 1 or 2).
+        step_s: (k,) how long each sample stands for.
+    """
+    size = np.linalg.norm(motion, axis=1)
+    order = np.argsort(-size)
+    enough = (np.cumsum(step_s[order]) >= LASTS_S) & (np.arange(len(size)) >= LEAST_SAMPLES - 1)
+    return float(size[order][np.argmax(enough)]) if enough.any() else 0.0
 
 
 def _downwash_m_s(vehicle: Vehicle) -> float:

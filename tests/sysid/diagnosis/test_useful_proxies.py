@@ -165,7 +165,7 @@ def test_the_form_of_a_law_follows_what_the_law_reads(channel: str, variable: st
 @pytest.mark.parametrize(
     ("channel", "variable", "gain", "own"),
     [
-        ("F_y", "v_y", 60.0, True),
+        ("F_y", "v_y", 95.0, True),
         ("F_x", "v_x", 60.0, True),
         ("F_y", "v_x", 60.0, False),
         ("F_z", "v_z", 60.0, False),
@@ -178,6 +178,15 @@ def test_a_level_force_by_its_own_speed_beside_a_named_drag_is_that_drag(channel
     wind = replace(drag, name="constant_wind", effect="constant_wind")
     assert examined.form_of(curve(channel, variable, gain), [(drag, 100.0)]) == (drag if own else None)
     assert examined.form_of(curve(channel, variable, gain), [(wind, 100.0)]) is None
+
+
+@pytest.mark.parametrize("explained", [50.0, 150.0, 400.0])
+def test_a_drag_has_its_form_whatever_else_that_reads_speed_is_named_and_explains_more(explained: float):
+    drag = replace(candidate("parasitic_drag_linear"), channels=("F_x", "F_y", "F_z"))
+    wind = replace(drag, name="constant_wind", effect="constant_wind")
+    named = [(drag, 100.0), (wind, explained)]
+    assert examined.form_of(curve("F_y", "v_y", 60.0), named) == drag
+    assert examined.form_of(curve("F_z", "v_z", 60.0), named) == (wind if explained == 400.0 else None)
 
 
 def test_every_effect_of_the_catalogue_that_shows_in_a_channel_reads_something(drawable):

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import vehicle
-from flight import FlightLog, flight_log
+from flight import flight_log
 from goshawk.commands.learn import kept
 from tests.goshawk.running import answer, run
 
@@ -143,13 +143,6 @@ def test_without_out_the_next_line_adds_the_effect(folder):
     assert "angular_damping" in document["next"][0]
 
 
-def hovering(log: FlightLog, rng: np.random.Generator) -> FlightLog:
-    """The same rows with a pose that stays where it is but for a millimetre of noise, level."""
-    position = {f"position_world_{axis}_m": rng.normal(scale=1e-3, size=len(log)) for axis in "xyz"}
-    level = {f"q_world_body_{part}": np.full(len(log), float(part == "w")) for part in "wxyz"}
-    return FlightLog({**log.columns, **position, **level}, log.metadata)
-
-
 def test_bad_input_is_one_sentence(folder, tmp_path):
     fast, car = folder / "fast.parquet", folder / "vehicle.toml"
     copy = tmp_path / "copy.parquet"
@@ -159,11 +152,7 @@ def test_bad_input_is_one_sentence(folder, tmp_path):
     log, part, future = flight_log.load(fast), tmp_path / "part.parquet", tmp_path / "future.toml"
     flight_log.save(part, log.slice(float(log.time_s[0]) + 2.0, float(log.time_s[0]) + 6.0))
     future.write_text(re.sub(r"(?m)^version = .*", "version = 99", car.read_text()))
-    hovers = [tmp_path / f"hover{i}.parquet" for i in range(2)]
-    for i, path in enumerate(hovers):
-        flight_log.save(path, hovering(log, np.random.default_rng(i)))
     refused = {
-        "all flights hover": ["diagnose", *hovers, "--vehicle", car],
         "no such file": ["diagnose", tmp_path / "none.parquet", "--vehicle", car],
         "same flight": ["diagnose", fast, copy, "--vehicle", car],
         "give each flight once, for fitting or held out": ["diagnose", fast, "--vehicle", car, "--held-out", copy],
