@@ -16,6 +16,7 @@ import sysid
 import vehicle
 from flight import FlightLog, InputError
 from goshawk.commands.learn import diagnosis_screen, what_next
+from goshawk.commands.learn.diagnose import first
 from sysid.diagnosis import Diagnosis, equation_text
 from sysid.diagnosis.procedure import while_searching
 from sysid.estimator.validation.comparison import HORIZONS_S
@@ -52,7 +53,7 @@ def screen_lines(found: Diagnosis) -> int:
     with contextlib.redirect_stdout(told):
         diagnosis_screen.short(found).show()
     lines = told.getvalue().splitlines()
-    lines += [f"next: {line}" for line in what_next.lines(found, call)]
+    lines += [f"next: {line}" for line in first(what_next.lines(found, call))]
     mark = purpose.mark_sentence(found.vehicle)
     lines += [
         f"not written: {out}, as the fit is not to be used (see --anyway)" if refused else f"written: {out}{mark}"

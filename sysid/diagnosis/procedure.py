@@ -364,9 +364,9 @@ def diagnose(
         invisible=found.models[0].candidate_set.invisible,
         flights=tuple(names[: len(logs)]),
         held_out=tuple(names[len(logs) :]),
-        findings=first.said
+        findings=kinds_of_motion.notes(logs, vehicle)
+        + first.said
         + ((found.too_short,) if found.too_short else ())
-        + kinds_of_motion.notes(logs, vehicle)
         + of_forms(found)
         + last.findings
         + left_out(found.unseen)

@@ -129,7 +129,11 @@ def command(
     if details:
         result.details.show()
     mark = "" if result.vehicle is None or written is None else vehicle.purpose.mark_sentence(result.vehicle)
-    _tell_next(further, [written and f"{written}{mark and f', {mark}'}", files["report"], *files["figures"]], refused)
+    _tell_next(
+        further if details else first(further),
+        [written and f"{written}{mark and f', {mark}'}", files["report"], *files["figures"]],
+        refused,
+    )
     return 0 if usable else 1
 
 
@@ -171,6 +175,13 @@ def _of_imu(
     more |= kept.about(call.flights, call.vehicle_file)
     screen, details = diagnosis_screen.short_of_imu(found), diagnosis_screen.details_of_imu(found)
     return kept.Kept(found.as_dict(), screen, found.vehicle, more, details)
+
+
+def first(further: Sequence[str]) -> list[str]:
+    """The first command with the remarks before it; how many more there are is told by the details."""
+    ends = next((i + 1 for i, line in enumerate(further) if not line.startswith("(")), len(further))
+    more = len(further) - ends
+    return [*further[:ends], *([f"({more} more with --details)"] if more else [])]
 
 
 def _tell_next(further: Sequence[str], written: Sequence[Path | str | None], refused: Path | None) -> None:

@@ -11,43 +11,65 @@ from sysid.diagnosis.from_imu import ImuDiagnosis
 from sysid.report import residual_plots, words
 
 COLUMNS = 80
+MOST_LINES = 18
+"""With the next command, how many more there are, and the name of what was written 24."""
+NEEDED = 0
+"""Rank of what is always shown."""
 MOST_NAMED = 3
 """Of effects of one kind; of more than that a short report gives the number."""
 HORIZONS = ("0.1 s", "0.5 s", "1 s")
 
 
 def short(found: Diagnosis) -> Screen:
-    """Verdict, size, what it does to the prediction, what could not be told."""
+    """Verdict, size, what it does to the prediction, what could not be told; what has no room is among the details."""
+    ranked = _ranked(found)
+    while sum(len(lines) for _, lines in ranked) > MOST_LINES and max(rank for rank, _ in ranked) > NEEDED:
+        ranked.remove(max(ranked, key=lambda one: one[0]))
     screen = Screen()
-    _paragraph(screen, f"{found.verdict} (confidence {found.confidence:.0%})", indent="")
-    for family in [one for one in found.families if one.has_forms][:MOST_NAMED]:
-        _paragraph(screen, family.sentence)
+    for _, lines in ranked:
+        for line in lines:
+            screen.line(line)
+    return screen
+
+
+def _ranked(found: Diagnosis) -> list[tuple[int, list[str]]]:
+    """Paragraphs as they are shown, each with its rank: the highest gives way first."""
+    said = [(NEEDED, _folded(f"{found.verdict} (confidence {found.confidence:.0%})", indent=""))]
+    said += [(5, _folded(text)) for text in _forms(found)[:MOST_NAMED]]
     if found.outside is not None:
-        _paragraph(screen, outside_sentence(found))
+        said.append((NEEDED, _folded(outside_sentence(found))))
     if found.search.equation is not None:
-        _paragraph(screen, f"the simplest law of it: {equation_text.sentence(found.search.equation)}")
+        law, _, rivals = equation_text.sentence(found.search.equation).partition("; ")
+        said.append((NEEDED, _folded(f"the simplest law of it: {law}")))
+        said += [(6, _folded(rivals))] if rivals else []
     stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
-    for finding in stated[:MOST_NAMED]:
-        _paragraph(screen, _size_sentence(finding))
-    others = (
-        f"{found.belief.something_unknown:.0%} something unknown, {found.belief.otherwise:.0%} another known effect"
-    )
-    _paragraph(screen, f"besides or instead: {others}; within the flown envelope: {found.envelope.extent}")
-    _prediction(screen, found)
-    low, high = found.predicts.ratio90
-    if high < float("inf"):
-        _paragraph(
-            screen, f"0.5 s ahead it is {low:.2g} to {high:.2g} times as far off as the model given (90 %)", indent=""
-        )
-    _paragraph(screen, f"the fit is {found.fit_verdict.sentence}", indent="")
+    said += [(3 if i else NEEDED, _folded(_size_sentence(one))) for i, one in enumerate(stated[:MOST_NAMED])]
+    belief = found.belief
+    besides = f"{belief.something_unknown:.0%} something unknown, {belief.otherwise:.0%} another known effect"
+    said.append((1, _folded(f"besides or instead: {besides}")))
+    said.append((4, _folded(f"within the flown envelope: {found.envelope.extent}")))
+    said.append((NEEDED, _prediction(found)))
+    said.append((NEEDED, _folded(_of_the_fit(found), indent="")))
     if found.cause is not None:
-        _paragraph(screen, f"likely cause, by a trial: {found.cause.sentence}", indent="")
-    _paragraph(screen, _told_and_not(found), indent="")
+        said.append((NEEDED, _folded(f"likely cause, by a trial: {found.cause.sentence}", indent="")))
+    said.append((NEEDED, _folded(_told_and_not(found), indent="")))
     if found.findings:
         first = found.findings[0].partition(": ")[0].partition("; ")[0]
         more = f", and {len(found.findings) - 1} more notes" if len(found.findings) > 1 else ""
-        _paragraph(screen, f"note: {first}{more} (--details)", indent="")
-    return screen
+        said.append((2, _folded(f"note: {first}{more} (--details)", indent="")))
+    return said
+
+
+def _forms(found: Diagnosis) -> list[str]:
+    return [one.sentence for one in found.families if one.has_forms]
+
+
+def _of_the_fit(found: Diagnosis) -> str:
+    """Its verdict with the first clause of the first reason, and how far off it is beside the model given."""
+    low, high = found.predicts.ratio90
+    ratio = f"; 0.5 s ahead {low:.2g} to {high:.2g} times as far off as the model given (90 %)"
+    verdict = found.fit_verdict.sentence.partition(". ")[0].partition("; ")[0]
+    return f"the fit is {verdict}{ratio if high < float('inf') else ''}"
 
 
 def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
@@ -55,6 +77,11 @@ def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
     screen = Screen()
     screen.line(found.belief.sentence(named=found.says_missing))
     screen.line(found.envelope.sentence)
+    for text in _forms(found):
+        screen.line(text)
+    if found.search.equation is not None:
+        screen.line(f"the simplest law of it: {equation_text.sentence(found.search.equation)}")
+    screen.line(f"the fit is {found.fit_verdict.sentence}")
     for attempt in found.attempts:
         screen.line(f"{attempt.name} {attempt.sentence}")
     _staircase(screen, found)
@@ -133,43 +160,48 @@ def outside_sentence(found: Diagnosis) -> str:
 
 
 def _paragraph(screen: Screen, text: str, indent: str = "  ") -> None:
-    """Folded to the width of a terminal; names are not broken."""
-    for line in textwrap.wrap(
-        text, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ", break_long_words=False,
-        break_on_hyphens=False,
-    ):  # fmt: skip
+    for line in _folded(text, indent):
         screen.line(line)
 
 
+def _folded(text: str, indent: str = "  ") -> list[str]:
+    """In lines of a terminal's width; names are not broken."""
+    return textwrap.wrap(
+        text, COLUMNS, initial_indent=indent, subsequent_indent=indent + "  ", break_long_words=False,
+        break_on_hyphens=False,
+    )  # fmt: skip
+
+
 def _size_sentence(finding: CandidateFinding) -> str:
-    """Sizes with their intervals, and what the effect does to the prediction."""
-    sizes = [
+    """Sizes with their intervals, those that may be nothing by name alone, and what the effect does."""
+    flown = [s for s in finding.sizes if s.sigma > 0.0]
+    shown = [s for s in flown if s.half90 < abs(s.value)] or flown
+    said = [
         f"{s.parameter.split('.')[-1]} {s.value:.3g} ({s.interval90[0]:.3g} to {s.interval90[1]:.3g}) {s.unit}".rstrip()
-        for s in finding.sizes
-        if s.sigma > 0.0
+        for s in shown
     ]
-    return (
-        f"{finding.name}: {', '.join(sizes)}; alone it moves the vehicle by {1000.0 * finding.error_m:.1f} mm in 0.5 s"
-    )
+    rest = [s.parameter.split(".")[-1] for s in flown if s not in shown]
+    said += [f"{', '.join(rest)} not apart from 0"] if rest else []
+    return f"{finding.name}: {', '.join(said)}; alone {1000.0 * finding.error_m:.1f} mm in 0.5 s"
 
 
-def _prediction(screen: Screen, found: Diagnosis) -> None:
+def _prediction(found: Diagnosis) -> list[str]:
     """Errors of the model as given, of the fitted one and of the one with all that was added."""
     stairs = [*found.staircase[:2], *found.staircase[2:][-1:]]
     horizons = [h for h in HORIZONS if h in stairs[0].position_m]
-    rows = [(s.model, *(f"{1000.0 * s.position_m[h]:.1f}" for h in horizons)) for s in stairs]
     on = "held-out flights" if found.held_out else "the training flights"
-    screen.table(f"position error, mm rms, on {on}", ("model", *(f"after {h}" for h in horizons)), rows)
+    rows = [(f"  {s.model}", [f"{1000.0 * s.position_m[h]:.1f}" for h in horizons]) for s in stairs]
+    rows.insert(0, (f"position error on {on}, mm rms, after", horizons))
+    width = max(len(name) for name, _ in rows)
+    return [f"{name:<{width}}{''.join(f'{cell:>9}' for cell in cells)}" for name, cells in rows]
 
 
 def _told_and_not(found: Diagnosis) -> str:
     """How many effects are excluded; which these flights cannot tell."""
     excluded = sum(s.verdict == Verdict.EXCLUDED for s in found.candidates)
     open_ = [s.name for s in _inconclusive(found)]
-    sentence = f"excluded at sizes that matter: {excluded} effects"
-    if open_:
-        sentence += f"; inconclusive: {_some(open_)}"
-    return f"{sentence}; unobservable here: {len(found.invisible)}"
+    told = f"; inconclusive: {_some(open_)}" if open_ else ""
+    return f"excluded at sizes that matter: {excluded}{told}; unobservable here: {len(found.invisible)} (--details)"
 
 
 def _some(names: Iterable[str]) -> str:
