@@ -106,7 +106,7 @@ def score(
         size = step[len(given) :]
         wide[np.ix_(kept, kept)] = covariance[len(given) :, len(given) :]
         white[kept] = np.diag(inverse)[len(given) :]
-        shown_by[kept] = _shown_by(part, inverse)[len(given) :]
+        shown_by[kept] = _shown_by(part, inverse[:, len(given) :])
         wrong = np.zeros(kept.sum(), dtype=bool) if one_sided is None else one_sided[kept] & (size < 0.0)
         if not wrong.any():
             break
@@ -140,9 +140,13 @@ def _robust(blocks: Blocks) -> tuple[FloatArray, FloatArray, FloatArray]:
     return step, inverse @ (freed.T @ freed) @ inverse * ((count - 1) / count), inverse
 
 
-def _shown_by(blocks: Blocks, inverse: FloatArray) -> FloatArray:
-    """(p,) how many blocks each variance rests on in effect (Satterthwaite), one at least."""
-    shares = np.einsum("ip,bij,jp->bp", inverse, blocks.information, inverse)
+def _shown_by(blocks: Blocks, columns: FloatArray) -> FloatArray:
+    """(q,) how many blocks each variance rests on in effect (Satterthwaite), one at least.
+
+    Args:
+        columns: (p, q) of the inverse of the information.
+    """
+    shares = np.einsum("pq,bpq->bq", columns, blocks.information @ columns)
     return np.maximum(shares.sum(axis=0) ** 2 / np.maximum(np.square(shares).sum(axis=0), 1e-300), 1.0)
 
 
