@@ -144,7 +144,7 @@ def refit_without(logs: Sequence[FlightLog], model: Model, dropped: Candidate, o
             vehicle = vehicle.with_value(name, 0.0, source="taken out")
         options = replace(options, held=(*options.held, *dropped.parameters))
     else:
-        vehicle = vehicle.without_effect(dropped.effect)
+        vehicle = candidates.taken_out(vehicle, dropped.effect)
     try:
         return examine(identify(logs, vehicle, options, near=model.fit))
     except InputError as error:

@@ -232,6 +232,21 @@ def _instead(vehicle: Vehicle, effect: Effect, strength: Mapping[str, float], so
     return swapped.with_value(f"{effect.name}.{ours}", old.value, std=old.std, source=old.source)
 
 
+def taken_out(vehicle: Vehicle, effect: str) -> Vehicle:
+    """The vehicle without an effect; with the law that this one contains in its place, if there is one.
+
+    Thrust by the induced-velocity law gone, thrust is k n^2 again: without any law of thrust nothing would carry it.
+    """
+    contains = vehicle.effect(effect)
+    bare = vehicle.without_effect(effect)
+    if not contains.instead_of:
+        return bare
+    theirs, ours = contains.takes_over
+    old = vehicle.parameter(f"{effect}.{ours}")
+    back = bare.with_effect(contains.instead_of, source=old.source, **{theirs: old.value})
+    return back.with_value(f"{contains.instead_of}.{theirs}", old.value, std=old.std, source=old.source)
+
+
 def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:
     """Names of the fitted parameters as the vehicle with all candidates calls them."""
     containing = [effects.find(name) for name in vehicle.effects if effects.find(name).instead_of]
