@@ -17,7 +17,7 @@ from goshawk.commands.plan import map_standing
 from goshawk.terminal import console, outputs
 from planner import PlanOptions
 from sysid.diagnosis import diagnose
-from sysid.diagnosis.evidence.candidates import require_missing
+from sysid.diagnosis.evidence.candidates import require_missing, taken_out
 from sysid.diagnosis.examined import examine
 from sysid.diagnosis.experiment_design import next_flight
 from sysid.diagnosis.experiment_design.next_flight import Proposal, Ranking
@@ -121,7 +121,7 @@ def _kept_question(
     fitted = diagnosis.vehicle
     for name in diagnosis.more["in_doubt"]:
         if (effect := name.partition("[")[0]) in fitted.effects:
-            fitted = fitted.without_effect(effect)
+            fitted = taken_out(fitted, effect)
     return tuple(diagnosis.more["in_doubt"]), fitted
 
 
