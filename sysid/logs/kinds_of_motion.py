@@ -17,6 +17,8 @@ LEAST_SPEED = 0.25
 LEAST_RATE_RAD_S = {TILTING: 1.0, YAWING: 0.8}
 STEP_S = 0.2
 """Velocity is taken between poses this far apart, beside which their noise is small."""
+FASTEST_RAD_S = 1e3
+"""No body turns faster: beyond, it is damage."""
 LASTS_S, LEAST_SAMPLES = 0.5, 3
 """A flight shows what it does for so long in all, and in so many samples: no jump of a pose, and however long it is."""
 
@@ -69,7 +71,7 @@ def _by_pose(log: FlightLog) -> dict[str, float]:
 def _by_gyro(log: FlightLog) -> dict[str, float]:
     """Quicker turns than poses show."""
     rate = log.vector("rate_body_rad_s")
-    known = np.flatnonzero(np.isfinite(rate).all(axis=1))
+    known = np.flatnonzero((np.abs(rate) < FASTEST_RAD_S).all(axis=1))
     time_s = log.time_s[known]
     if len(known) < 2 or not time_s[-1] - time_s[0] < LONGEST_S:
         return {}
@@ -82,8 +84,9 @@ def _reached(motion: FloatArray, step_s: FloatArray) -> float:
 
     Args:
         motion: (k, 1 or 2).
-        step_s: (k,) how long each sample stands for.
+        step_s: (k,) how long before each sample the last one was; after a gap it stands for a step, no longer.
     """
+    step_s = np.minimum(step_s, STEP_S)
     size = np.linalg.norm(motion, axis=1)
     order = np.argsort(-size)
     enough = (np.cumsum(step_s[order]) >= LASTS_S) & (np.arange(len(size)) >= LEAST_SAMPLES - 1)

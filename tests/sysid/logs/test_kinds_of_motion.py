@@ -99,6 +99,14 @@ def test_a_gap_in_a_flight_makes_it_no_faster():
     assert "no level flight" in said(cut)
 
 
+def test_a_gap_makes_a_few_quick_samples_no_turn():
+    time_s = np.r_[TIME_S[:500], TIME_S[:500] + 60.0]
+    rate = np.zeros((1000, 3))
+    rate[500:504] = 5.0
+    jolted = flight_log.from_vectors(time_s, {"rate_body_rad_s": rate})
+    assert "no roll and pitch, no yaw" in said(jolted)
+
+
 def test_turns_are_about_the_body_however_it_is_tilted():
     assert "no roll and pitch" in said(log(yaw=1.5, tilted=1.2))
     assert "no yaw" not in said(log(yaw=1.5, tilted=1.2))
@@ -129,8 +137,11 @@ def test_a_log_in_another_unit_of_time_is_left_to_the_check_of_its_time_base():
 @pytest.mark.filterwarnings("error")
 def test_damaged_positions_are_left_out():
     hover = log()
-    columns = {**hover.columns, "position_world_x_m": np.where(np.arange(len(TIME_S)) == 9, 1e200, 0.0)}
-    assert "no level flight" in said(FlightLog(columns, hover.metadata))
+    damaged = np.where(np.arange(len(TIME_S)) == 9, 1e200, 0.0)
+    columns = {**hover.columns, "position_world_x_m": damaged} | {f"rate_body_{a}_rad_s": damaged for a in "xyz"}
+    assert "no level flight, no climb and descent, no roll and pitch, no yaw" in said(
+        FlightLog(columns, hover.metadata)
+    )
 
 
 def test_the_downwash_is_that_of_all_rotors():
