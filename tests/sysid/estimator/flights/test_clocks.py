@@ -188,6 +188,7 @@ def test_a_stream_on_time_with_the_pose_speaks_against_a_late_pose_however_short
     assert not pose_is_late([clock("rotor speed", -1.1), clock("gyro", 0.0)])
     assert not pose_is_late([clock("rotor speed", -1.1), clock("gyro", -0.2, 0.2)])
     assert not pose_is_late([clock("rotor speed", -1.1, 0.02), *(clock("gyro", -0.1, 0.5) for _ in range(4))])
+    assert not pose_is_late([clock("rotor speed", -1.1), *(clock("gyro", -1.1) for _ in range(3)), clock("gyro", 0.0)])
     assert pose_is_late([clock("rotor speed", -1.1), clock("gyro", -1.0)])
     assert pose_is_late([clock("rotor speed", -1.8), clock("gyro", -1.2)])
 
