@@ -43,11 +43,11 @@ def _ranked(found: Diagnosis) -> list[tuple[int, list[str]]]:
         said.append((NEEDED, _folded(f"the simplest law of it: {law}")))
         said += [(6, _folded(rivals))] if rivals else []
     stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
-    said += [(3 if i else NEEDED, _folded(_size_sentence(one))) for i, one in enumerate(stated[:MOST_NAMED])]
+    said += [(2 if i else NEEDED, _folded(_size_sentence(one))) for i, one in enumerate(stated[:MOST_NAMED])]
     belief = found.belief
     besides = f"{belief.something_unknown:.0%} something unknown, {belief.otherwise:.0%} another known effect"
     said.append((1, _folded(f"besides or instead: {besides}")))
-    said.append((4, _folded(f"within the flown envelope: {found.envelope.extent}")))
+    said.append((1, _folded(_envelope(found))))
     said.append((NEEDED, _prediction(found)))
     said.append((NEEDED, _folded(_of_the_fit(found), indent="")))
     if found.cause is not None:
@@ -56,12 +56,19 @@ def _ranked(found: Diagnosis) -> list[tuple[int, list[str]]]:
     if found.findings:
         first = found.findings[0].partition(": ")[0].partition("; ")[0]
         more = f", and {len(found.findings) - 1} more notes" if len(found.findings) > 1 else ""
-        said.append((2, _folded(f"note: {first}{more} (--details)", indent="")))
+        said.append((4, _folded(f"note: {first}{more}", indent="")))
     return said
 
 
 def _forms(found: Diagnosis) -> list[str]:
     return [one.sentence for one in found.families if one.has_forms]
+
+
+def _envelope(found: Diagnosis) -> str:
+    """In a line."""
+    e = found.envelope
+    level, climb, sink = f"{e.level_speed_m_s:.1f}", f"{e.climb_m_s:.1f}", f"{e.sink_m_s:.1f}"
+    return f"within the flown envelope: level {level}, climb {climb}, sink {sink} m/s, {e.rate_rad_s:.1f} rad/s"
 
 
 def _of_the_fit(found: Diagnosis) -> str:
