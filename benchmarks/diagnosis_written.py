@@ -47,8 +47,14 @@ def screen_lines(found: Diagnosis) -> int:
     training, held_out = ([Path(f"{name}.parquet") for name in part] for part in (found.flights, found.held_out))
     out = Path("better.toml")
     refused = found.fit_verdict.use is Use.REJECTED
-    fate = {"refused": out} if refused else {"out": out}
-    call = what_next.DiagnoseCall(training, Path("vehicle.toml"), held_out, auto=True, **fate)
+    call = what_next.DiagnoseCall(
+        training,
+        Path("vehicle.toml"),
+        held_out,
+        auto=True,
+        out=None if refused else out,
+        refused=out if refused else None,
+    )
     told = io.StringIO()
     with contextlib.redirect_stdout(told):
         diagnosis_screen.short(found).show()
