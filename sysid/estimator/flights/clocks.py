@@ -141,8 +141,8 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
 
     Then the pose is the one that is off. Rotor speed alone is taken so as well: telemetry is never ahead of the rotors.
     Commands are no witness, for they are ahead of the rotors on every vehicle; where nothing else is known of the
-    rotors, the gyro is. A stream that is nearer to no delay than to theirs is on time with the pose, and speaks against
-    it being late, however short the delay.
+    rotors, the gyro is. Streams that are surely not as early as theirs, and nearer to no delay, are on time with the pose
+    and speak against it being late, however short the delay; one that shows nothing speaks neither way.
     """
     against = [c for c in clocks if c.against == "pose" and c.stream != STREAMS[COMMAND]]
     rotors = [clock for clock in against if clock.stream == STREAMS[ROTOR_SPEED]]
@@ -155,7 +155,13 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
     apart_s = min(LEAST_DELAY_S, -0.5 * common_s)
     others = [clock for clock in against if clock not in witnesses]
     agree = all(abs(c.delay_s - common_s) < apart_s + SURE_SIGMAS * c.std_robust for c in against)
-    return agree and (not others or _mean(others)[0] < 0.5 * common_s)
+    return agree and not (others and _on_time(others, common_s))
+
+
+def _on_time(others: Sequence[Clock], common_s: float) -> bool:
+    """Whether these, taken together, are nearer to no delay than to a common one, and not there by their error."""
+    mean_s, std_s = _mean(others)
+    return mean_s >= 0.5 * common_s and mean_s - common_s > SURE_SIGMAS * std_s
 
 
 def _mean(clocks: Sequence[Clock]) -> tuple[float, float]:

@@ -193,6 +193,18 @@ def test_a_stream_on_time_with_the_pose_speaks_against_a_late_pose_however_short
     assert pose_is_late([clock("rotor speed", -1.8), clock("gyro", -1.2)])
 
 
+@pytest.mark.parametrize(
+    "others",
+    [
+        [("gyro", 0.0, 20.0)],
+        [("gyro", -5.0, 3.0)],
+        [("accelerometer", -3.0, 10.0), ("gyro", -12.0, 15.0)],
+    ],
+)
+def test_a_stream_that_shows_nothing_does_not_speak_against_a_late_pose(others):
+    assert pose_is_late([clock("rotor speed", -12.0, 0.1), *(clock(*other) for other in others)])
+
+
 def test_a_gyro_that_is_early_in_every_flight_leaves_open_whether_the_pose_is_late():
     assert gyro_is_early([clock("gyro", -3.6), clock("rotor speed", 3.7), clock("gyro", -3.5)])
     assert not gyro_is_early([clock("gyro", -3.6), clock("rotor speed", -3.7)])  # the pose is late, and all agree
