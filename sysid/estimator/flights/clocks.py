@@ -141,8 +141,8 @@ def pose_is_late(clocks: Sequence[Clock]) -> bool:
 
     Then the pose is the one that is off. Rotor speed alone is taken so as well: telemetry is never ahead of the rotors.
     Commands are no witness, for they are ahead of the rotors on every vehicle; where nothing else is known of the
-    rotors, the gyro is. Streams that are surely not as early as theirs, and nearer to no delay, are on time with the pose
-    and speak against it being late, however short the delay; one that shows nothing speaks neither way.
+    rotors, the gyro is. Streams that are surely not as early as theirs, and nearer to no delay, are on time with the
+    pose and speak against it being late, however short the delay; one that shows nothing speaks neither way.
     """
     against = [c for c in clocks if c.against == "pose" and c.stream != STREAMS[COMMAND]]
     rotors = [clock for clock in against if clock.stream == STREAMS[ROTOR_SPEED]]
