@@ -11,7 +11,7 @@ from sysid.estimator.flights.flight_data import Flight
 from sysid.estimator.joint_problem.unknowns import SENSOR_NAMES
 from sysid.estimator.motors import battery
 from sysid.estimator.options import Reference
-from vehicle import Vehicle, effects, sizes
+from vehicle import Vehicle, effects, sizes, wrench
 from vehicle.effects.base import Effect, Spec, Stage
 
 POSE_DELAY = "pose_delay"
@@ -236,6 +236,7 @@ def taken_out(vehicle: Vehicle, effect: str) -> Vehicle:
     """The vehicle without an effect; with the law that this one contains in its place, if there is one.
 
     Thrust by the induced-velocity law gone, thrust is k n^2 again: without any law of thrust nothing would carry it.
+    What the two laws share keeps its value, and in hover they lift the same.
     """
     contains = vehicle.effect(effect)
     bare = vehicle.without_effect(effect)
@@ -243,8 +244,20 @@ def taken_out(vehicle: Vehicle, effect: str) -> Vehicle:
         return bare
     theirs, ours = contains.takes_over
     old = vehicle.parameter(f"{effect}.{ours}")
-    back = bare.with_effect(contains.instead_of, source=old.source, **{theirs: old.value})
-    return back.with_value(f"{contains.instead_of}.{theirs}", old.value, std=old.std, source=old.source)
+    name = f"{contains.instead_of}.{theirs}"
+    shared = {s.name for s in bare.effect(contains.instead_of).parameters} & {s.name for s in contains.parameters}
+    kept = {s: vehicle.value(f"{effect}.{s}") for s in shared}
+    back = bare.with_effect(contains.instead_of, source=old.source, **{**kept, theirs: old.value})
+    share = _lift_n(vehicle, effect, old.value) / _lift_n(back, contains.instead_of, old.value) if old.value else 1.0
+    return back.with_value(name, share * old.value, std=share * old.std, source=old.source)
+
+
+def _lift_n(vehicle: Vehicle, law: str, k_n_s2: float) -> float:
+    """Force of one law of thrust alone, in still air, at the rotor speed at which k n^2 carries the vehicle."""
+    for other in vehicle.effects:
+        vehicle = vehicle.without_effect(other) if other != law else vehicle
+    still, speed = np.zeros((1, 3)), np.sqrt(vehicle.mass_kg * vehicle.gravity_m_s2 / (vehicle.rotors * k_n_s2))
+    return float(np.linalg.norm(wrench(vehicle, still, still, np.full((1, vehicle.rotors), speed))[0]))
 
 
 def base_names(names: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:

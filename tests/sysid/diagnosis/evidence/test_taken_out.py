@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import vehicle
@@ -13,16 +14,36 @@ LAWS_OF_THRUST = [e.name for e in effects.catalogue().values() if e.instead_of a
 THERE = Candidate("", "", (), (), (), (), "", ())
 
 
+def hovering_with(law: str, k2: float) -> vehicle.Vehicle:
+    one = replace(THERE, name=law, effect=law, parameters=(f"{law}.k2_n_s2_m",))
+    return added(BASE, one, [k2]).with_value(f"{law}.k1_n_s2", 7e-6, std=1e-7, source="identified from a")
+
+
+def lift_n(flying: vehicle.Vehicle, speed_rad_s: np.ndarray) -> float:
+    still = np.zeros((1, 3))
+    return vehicle.wrench(flying, still, still, speed_rad_s[None])[0][0, 2]
+
+
+@pytest.mark.parametrize("k2", [0.0, -1e-5, -1.547e-4])
 @pytest.mark.parametrize("name", LAWS_OF_THRUST)
-def test_a_law_that_contains_another_leaves_that_one_behind(name: str):
-    effect = effects.find(name)
-    theirs, ours = effect.takes_over
-    one = replace(THERE, name=name, effect=name, parameters=(f"{name}.{effect.strength[0]}",))
-    with_it = added(BASE, one, [-1e-4]).with_value(f"{name}.{ours}", 7e-6, std=1e-7, source="identified from a")
+def test_a_law_that_contains_another_leaves_that_one_behind_with_the_lift_of_hover(name: str, k2: float):
+    with_it = hovering_with(name, k2)
     without = taken_out(with_it, name)
     assert set(without.effects) == set(BASE.effects)
-    left = without.parameter(f"{effect.instead_of}.{theirs}")
-    assert (left.value, left.std, left.source) == (7e-6, 1e-7, "identified from a")
+    hover = vehicle.invert.hover(with_it)
+    assert lift_n(without, hover) == pytest.approx(lift_n(with_it, hover), rel=1e-3)
+    assert vehicle.invert.hover(without) == pytest.approx(hover, rel=1e-3)
+    left = without.parameter(f"{effects.find(name).instead_of}.{effects.find(name).takes_over[0]}")
+    assert left.source == "identified from a"
+    assert left.std / left.value == pytest.approx(1e-7 / 7e-6)
+
+
+def test_what_two_laws_share_keeps_its_value():
+    narrow = hovering_with("thrust_bem", -5e-5)
+    wide = narrow.without_effect("thrust_bem").with_effect("thrust_blade_element", k1_n_s2=7e-6, k2_n_s2_m=-5e-5)
+    left = taken_out(wide, "thrust_blade_element")
+    assert left.value("thrust_bem.k2_n_s2_m") == -5e-5
+    assert left.value("thrust_bem.k1_n_s2") == pytest.approx(7e-6)
 
 
 def test_there_are_such_laws():
