@@ -12,6 +12,8 @@ from vehicle import Vehicle
 LEVEL, VERTICAL, TILTING, YAWING = "level flight", "climb and descent", "roll and pitch", "yaw"
 FLY = {LEVEL: "fast_level", VERTICAL: "vertical", TILTING: "doublets", YAWING: "yaw_doublets"}
 """A manoeuvre of each kind."""
+ALIKE = "all flights "
+"""How a note begins of flights that are of one kind, or of none."""
 LEAST_SPEED = 0.25
 """Of the downwash in hover: what air speed changes at the rotors is of this order."""
 LEAST_RATE_RAD_S = {TILTING: 1.0, YAWING: 0.8}

@@ -1,20 +1,25 @@
 """What `goshawk diagnose` prints: the diagnosis on one screen, and its details."""
 
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from goshawk.terminal.screen import Screen
 from sysid.diagnosis import CandidateFinding, Diagnosis, Size, equation_text
 from sysid.diagnosis.experiment_design.outlook import Outlook
 from sysid.diagnosis.findings import Verdict
 from sysid.diagnosis.from_imu import ImuDiagnosis
+from sysid.logs import kinds_of_motion
 from sysid.report import residual_plots, words
 
 COLUMNS = 80
 MOST_LINES = 18
-"""With the next command, how many more there are, and the name of what was written 24."""
+"""As a rule; with the next command, how many more there are, and the name of what was written 24."""
 NEEDED = 0
-"""Rank of what is always shown."""
+"""Rank of what is always shown, however many lines that takes."""
+NOTE = 4
+"""Rank of the first note."""
+LONGEST_NAME = 4
+"""Words before a colon that may name a flight; more say something."""
 MOST_NAMED = 3
 """Of effects of one kind; of more than that a short report gives the number."""
 HORIZONS = ("0.1 s", "0.5 s", "1 s")
@@ -23,17 +28,23 @@ HORIZONS = ("0.1 s", "0.5 s", "1 s")
 def short(found: Diagnosis) -> Screen:
     """Verdict, size, what it does to the prediction, what could not be told; what has no room is among the details."""
     ranked = _ranked(found)
-    while sum(len(lines) for _, lines in ranked) > MOST_LINES and max(rank for rank, _ in ranked) > NEEDED:
-        ranked.remove(max(ranked, key=lambda one: one[0]))
+    dropped: list[int] = []
+    while sum(len(lines) for _, lines in ranked) + bool(dropped) > MOST_LINES and max(r for r, _ in ranked) > NEEDED:
+        last = max(range(len(ranked)), key=lambda i: (ranked[i][0], i))
+        dropped.append(ranked.pop(last)[0])
     screen = Screen()
     for _, lines in ranked:
         for line in lines:
             screen.line(line)
+    if dropped:
+        notes = f" and {len(found.findings)} notes" if NOTE in dropped else ""
+        more = len(dropped) - (NOTE in dropped)
+        screen.line(f"no room here for {more} more sentence{'s' if more != 1 else ''}{notes} (--details)")
     return screen
 
 
 def _ranked(found: Diagnosis) -> list[tuple[int, list[str]]]:
-    """Paragraphs as they are shown, each with its rank: the highest gives way first."""
+    """Paragraphs as they are shown, each with its rank: the highest gives way first, and of one rank the last."""
     said = [(NEEDED, _folded(f"{found.verdict} (confidence {found.confidence:.0%})", indent=""))]
     said += [(5, _folded(text)) for text in _forms(found)[:MOST_NAMED]]
     if found.outside is not None:
@@ -43,21 +54,39 @@ def _ranked(found: Diagnosis) -> list[tuple[int, list[str]]]:
         said.append((NEEDED, _folded(f"the simplest law of it: {law}")))
         said += [(6, _folded(rivals))] if rivals else []
     stated = [s for s in found.candidates if s.verdict in (Verdict.PRESENT, Verdict.PROXY)]
-    said += [(2 if i else NEEDED, _folded(_size_sentence(one))) for i, one in enumerate(stated[:MOST_NAMED])]
+    for i, one in enumerate(stated[:MOST_NAMED]):
+        rank = NEEDED if i == 0 else 1 if one.verdict is Verdict.PRESENT else 3
+        said.append((rank, _folded(_size_sentence(one))))
     belief = found.belief
     besides = f"{belief.something_unknown:.0%} something unknown, {belief.otherwise:.0%} another known effect"
-    said.append((1, _folded(f"besides or instead: {besides}")))
-    said.append((1, _folded(_envelope(found))))
+    said.append((2, _folded(f"besides or instead: {besides}")))
+    said.append((NEEDED, _folded(_envelope(found))))
     said.append((NEEDED, _prediction(found)))
-    said.append((NEEDED, _folded(_of_the_fit(found), indent="")))
+    judged, remedy = _of_the_fit(found)
+    said.append((NEEDED, _folded(judged, indent="")))
+    said += [(1, _folded(remedy))] if remedy else []
     if found.cause is not None:
         said.append((NEEDED, _folded(f"likely cause, by a trial: {found.cause.sentence}", indent="")))
     said.append((NEEDED, _folded(_told_and_not(found), indent="")))
     if found.findings:
-        first = found.findings[0].partition(": ")[0].partition("; ")[0]
-        more = f", and {len(found.findings) - 1} more notes" if len(found.findings) > 1 else ""
-        said.append((4, _folded(f"note: {first}{more}", indent="")))
+        alike = found.findings[0].startswith(kinds_of_motion.ALIKE)
+        said.append((NEEDED if alike else NOTE, _folded(_first_note(found.findings, whole=alike), indent="")))
     return said
+
+
+def _first_note(notes: Sequence[str], *, whole: bool) -> str:
+    """The first note, or its first clause, and how many more there are."""
+    clause = _first_clause(notes[0])[0]
+    head = clause.partition(": ")[0]
+    first = notes[0] if whole else head if len(head.split()) > LONGEST_NAME else clause
+    more = f", and {len(notes) - 1} more note{'s' if len(notes) > 2 else ''}" if len(notes) > 1 else ""
+    return f"note: {first}{more}"
+
+
+def _first_clause(text: str) -> tuple[str, str]:
+    """A text to its first semicolon or full stop, and what follows."""
+    ends = [at for mark in ("; ", ". ") if (at := text.find(mark)) >= 0]
+    return (text[: min(ends)], text[min(ends) + 2 :]) if ends else (text, "")
 
 
 def _forms(found: Diagnosis) -> list[str]:
@@ -71,12 +100,16 @@ def _envelope(found: Diagnosis) -> str:
     return f"within the flown envelope: level {level}, climb {climb}, sink {sink} m/s, {e.rate_rad_s:.1f} rad/s"
 
 
-def _of_the_fit(found: Diagnosis) -> str:
-    """Its verdict with the first clause of the first reason, and how far off it is beside the model given."""
+def _of_the_fit(found: Diagnosis) -> tuple[str, str]:
+    """Its verdict with the first clause of the first reason, how many more reasons there are, and how far off it is
+    beside the model given; and the rest of the first reason: what to do about it."""
     low, high = found.predicts.ratio90
     ratio = f"; 0.5 s ahead {low:.2g} to {high:.2g} times as far off as the model given (90 %)"
-    verdict = found.fit_verdict.sentence.partition(". ")[0].partition("; ")[0]
-    return f"the fit is {verdict}{ratio if high < float('inf') else ''}"
+    reasons = found.fit_verdict.reasons
+    said, rest = _first_clause(reasons[0]) if reasons else ("", "")
+    more = f" (and {len(reasons) - 1} more)" if len(reasons) > 1 else ""
+    verdict = f"{found.fit_verdict.use}{': ' if said else ''}{said}{more}"
+    return f"the fit is {verdict}{ratio if high < float('inf') else ''}", rest
 
 
 def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
@@ -89,6 +122,8 @@ def details(found: Diagnosis, outlooks: Mapping[str, Outlook]) -> Screen:
     if found.search.equation is not None:
         screen.line(f"the simplest law of it: {equation_text.sentence(found.search.equation)}")
     screen.line(f"the fit is {found.fit_verdict.sentence}")
+    for reason in found.fit_verdict.reasons[1:]:
+        screen.line(f"  and: {reason}")
     for attempt in found.attempts:
         screen.line(f"{attempt.name} {attempt.sentence}")
     _staircase(screen, found)
