@@ -12,13 +12,17 @@ from vehicle import Vehicle
 LEVEL, VERTICAL, TILTING, YAWING = "level flight", "climb and descent", "roll and pitch", "yaw"
 FLY = {LEVEL: "fast_level", VERTICAL: "vertical", TILTING: "doublets", YAWING: "yaw_doublets"}
 """A manoeuvre of each kind."""
-ALIKE = "all flights "
-"""How a note begins of flights that are of one kind, or of none."""
+ALIKE = ("all flights ", "the flight ")
+"""How a note begins on flights that are of one kind, or of none."""
 LEAST_SPEED = 0.25
-"""Of the downwash in hover: what air speed changes at the rotors is of this order."""
+"""Of the downwash in hover: what air speed changes at the rotors is of this order. Gusts move a hover by less."""
+HOVERS = 0.4
+"""Of that: what stays below, and turns less than the rates below, hovers."""
 LEAST_RATE_RAD_S = {TILTING: 1.0, YAWING: 0.8}
 STEP_S = 0.2
 """Velocity is taken between poses this far apart, beside which their noise is small."""
+TURN_STEP_S = 0.05
+"""The gyro is averaged over so long, for its noise: a turn to and fro at 5 Hz loses a tenth."""
 FASTEST_RAD_S = 1e3
 """No body turns faster: beyond, it is damage."""
 LASTS_S, LEAST_SAMPLES = 0.5, 3
@@ -34,22 +38,34 @@ def notes(logs: Sequence[FlightLog], vehicle: Vehicle) -> tuple[str, ...]:
     lacking = [kind for kind in judged if not max(one[kind] for one in seen) >= least[kind]]
     if not lacking:
         return ()
-    alike = "all flights hover" if len(lacking) == len(FLY) else "all flights are of one kind"
-    alike = f"{alike}: " if len(lacking) >= len(FLY) - 1 and len(seen) > 1 else ""
+    alike = _alike(seen, least) if len(judged) == len(FLY) else ""
     to_fly = ", ".join(FLY[kind] for kind in lacking)
     return (f"{alike}no {', no '.join(lacking)}, so what acts there cannot be told; fly {to_fly}",)
+
+
+def _alike(seen: Sequence[dict[str, float]], least: dict[str, float]) -> str:
+    """What the flights have in common: they hover, they are slow, or each shows the one kind that any does."""
+    shown = [kind for kind in FLY if any(one[kind] >= least[kind] for one in seen)]
+    alone = len(seen) == 1
+    if not shown:
+        hover = all(one[kind] < HOVERS * least[kind] for one in seen for kind in (LEVEL, VERTICAL))
+        does = ("hovers" if alone else "hover") if hover else ("is slow" if alone else "are slow")
+        return f"{'the flight' if alone else 'all flights'} {does}: "
+    same = len(shown) == 1 and all(one[shown[0]] >= least[shown[0]] for one in seen)
+    return "all flights are of one kind: " if same and not alone else ""
 
 
 def _most(log: FlightLog) -> dict[str, float]:
     """Of each kind that the log has a measurement of, how much of it the flight shows: m/s, or rad/s.
 
+    Turns are those of the pose or of the gyro, whichever shows more: a gyro may end early, and poses miss quick turns.
     Of none in a log that is in another unit of time: that is its own check's to say.
     """
     found: dict[str, float] = {}
     if log.has("position_world_m") and log.has("q_world_body"):
         found |= _by_pose(log)
     if log.has("rate_body_rad_s"):
-        found |= _by_gyro(log)
+        found |= {kind: max(most, found.get(kind, 0.0)) for kind, most in _by_gyro(log).items()}
     return found
 
 
@@ -77,16 +93,19 @@ def _by_gyro(log: FlightLog) -> dict[str, float]:
     time_s = log.time_s[known]
     if len(known) < 2 or not time_s[-1] - time_s[0] < LONGEST_S:
         return {}
-    rate, step_s = rate[known[1:]], np.diff(time_s)
+    span = np.floor((time_s[1:] - time_s[0]) / TURN_STEP_S).astype(int)
+    _, at, count = np.unique(span, return_inverse=True, return_counts=True)
+    rate = np.stack([np.bincount(at, axis) for axis in rate[known[1:]].T], axis=1) / count[:, None]
+    step_s = np.bincount(at, np.minimum(np.diff(time_s), STEP_S))
     return {TILTING: _reached(rate[:, :2], step_s), YAWING: _reached(rate[:, 2:], step_s)}
 
 
 def _reached(motion: FloatArray, step_s: FloatArray) -> float:
-    """What is reached for `LASTS_S` in all.
+    """Size that is reached for `LASTS_S` in all.
 
     Args:
         motion: (k, 1 or 2).
-        step_s: (k,) how long before each sample the last one was; after a gap it stands for a step, no longer.
+        step_s: (k,) how long before each sample the last one was; after a gap it counts as `STEP_S`.
     """
     step_s = np.minimum(step_s, STEP_S)
     size = np.linalg.norm(motion, axis=1)

@@ -49,7 +49,19 @@ def test_of_hovers_all_kinds_are_told_with_what_to_fly():
         "all flights hover: no level flight, no climb and descent, no roll and pitch, no yaw, so what acts there "
         "cannot be told; fly fast_level, vertical, doublets, yaw_doublets"
     )
-    assert said(log()).startswith("no level flight")
+    assert said(log()).startswith("the flight hovers: no level flight")
+
+
+def test_flights_that_are_only_slow_are_not_said_to_hover():
+    slow = log(level=0.2, vertical=0.2, roll=0.9)
+    assert said(slow, slow).startswith("all flights are slow: no level flight, no climb and descent, no roll")
+    assert said(slow).startswith("the flight is slow: ")
+    assert said(log(), slow).startswith("all flights are slow: ")
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_flights_are_of_one_kind_only_if_each_shows_it(kind: str):
+    assert said(log(), log(**{kind: WHOLE[kind]})).startswith("no ")
 
 
 @pytest.mark.parametrize("ahead", [True, False])
@@ -118,6 +130,21 @@ def test_a_gyro_shows_turns_too_quick_for_the_poses():
     gyro = {f"rate_body_{a}_rad_s": rate for a in "xyz"}
     quick = FlightLog({**hover.columns, **gyro}, hover.metadata)
     assert said(quick).endswith("fly fast_level, vertical")
+
+
+@pytest.mark.parametrize("lost", [np.nan, 0.0])
+def test_a_gyro_that_ends_or_hangs_hides_no_turn_that_the_pose_shows(lost: float):
+    whole = log(**WHOLE)
+    rate = np.where(TIME_S < 1.0, 0.0, lost)
+    gyro = {f"rate_body_{a}_rad_s": rate for a in "xyz"}
+    assert said(FlightLog({**whole.columns, **gyro}, whole.metadata)) == ""
+
+
+def test_the_noise_of_a_gyro_is_no_turn():
+    hover = log()
+    noise = np.random.default_rng(2).normal(scale=0.4, size=(3, len(TIME_S)))
+    gyro = {f"rate_body_{a}_rad_s": noise[i] for i, a in enumerate("xyz")}
+    assert "no roll and pitch, no yaw" in said(FlightLog({**hover.columns, **gyro}, hover.metadata))
 
 
 def test_what_a_log_does_not_measure_is_not_said_of_the_others():

@@ -130,7 +130,7 @@ def test_a_size_that_may_be_nothing_stands_by_its_name_alone():
     assert diagnosis_screen._size_sentence(finding(("x_kg", 0.1, 0.3))).startswith("drag: x_kg 0.1 (-0.2 to 0.4) kg;")
 
 
-def test_errors_stand_in_columns_of_one_width():
+def test_errors_are_in_columns_of_one_width():
     stairs = [SimpleNamespace(model=name, position_m={"0.1 s": 0.1, "0.5 s": 1.2, "1 s": 20.0}) for name in "abcd"]
     lines = diagnosis_screen._prediction(cast("Any", SimpleNamespace(staircase=stairs, held_out=("x",))))
     assert len({len(line) for line in lines}) == 1
