@@ -252,13 +252,14 @@ def _written(results: list[Result]) -> list[report.Row]:
     most = max(lines, default=None)
     marked = [a["marked"] for a in answers if a["for_prediction"]]
     written = {"those for prediction alone": len(marked), "of them marked": sum(marked)}
-    optima = [(r["optimum"]["written"] / r["optimum"]["optimum"], r["equation"]) for r in results if "optimum" in r]
+    optima = [(_ratio(**r["optimum"]), r["equation"]) for r in results if "optimum" in r]
     over = [ratio for ratio, _ in optima]
     own = [ratio for ratio, law in optima if law]
     near = {
         "with an equation": len(own),
         "of them within": sum(ratio <= NEAR_OPTIMUM for ratio in own),
         "worst": max(over, default=float("nan")),
+        "without an optimum": sum("no_optimum" in r for r in results),
     }
     return [
         _share(
@@ -274,6 +275,12 @@ def _written(results: list[Result]) -> list[report.Row]:
             {"median": float(np.median(lines)) if lines else float("nan")},
         ),
     ]
+
+
+def _ratio(*, written: float, optimum: float, given: float) -> float:
+    """Error of what is written over the least that is known to be possible; infinite where nothing is written."""
+    del given
+    return written / min(written, optimum) if np.isfinite(written) else float("inf")
 
 
 def _belief(results: list[Result]) -> list[report.Row]:

@@ -7,6 +7,7 @@ the same fit with the true law's form, sizes and shapes free.
 import contextlib
 import io
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +25,9 @@ from sysid.estimator.verdict import Use
 from vehicle import effects, purpose
 
 COLUMNS = 80
+OUT = Path("better.toml")
 OPTIONS = while_searching(sysid.Options(gusts="white"))
-"""As a diagnosis fits."""
+"""As a diagnosis fits, by the clock of the pose and with disturbances taken for noise."""
 
 
 def answer(found: Diagnosis) -> dict[str, Any]:
@@ -44,27 +46,31 @@ def answer(found: Diagnosis) -> dict[str, Any]:
 def screen_lines(found: Diagnosis) -> int:
     """Lines of 80 columns of `goshawk diagnose --auto --out` without --details, at most: the verb looks first whether a
     next flight would tell, and proposes none that would not."""
-    training, held_out = ([Path(f"{name}.parquet") for name in part] for part in (found.flights, found.held_out))
-    out = Path("better.toml")
     refused = found.fit_verdict.use is Use.REJECTED
-    call = what_next.DiagnoseCall(
-        training,
-        Path("vehicle.toml"),
-        held_out,
-        auto=True,
-        out=None if refused else out,
-        refused=out if refused else None,
-    )
     told = io.StringIO()
     with contextlib.redirect_stdout(told):
         diagnosis_screen.short(found).show()
     lines = told.getvalue().splitlines()
-    lines += [f"next: {line}" for line in first(what_next.lines(found, call))]
+    lines += [f"next: {line}" for line in first(what_next.lines(found, _call(found)))]
     mark = purpose.mark_sentence(found.vehicle)
     lines += [
-        f"not written: {out}, as the fit is not to be used (see --anyway)" if refused else f"written: {out}{mark}"
+        f"not written: {OUT}, as the fit is not to be used (see --anyway)" if refused else f"written: {OUT}{mark}"
     ]
     return sum(max(1, -(-len(line) // COLUMNS)) for line in lines)
+
+
+def _call(found: Diagnosis) -> what_next.DiagnoseCall:
+    """As a user asks who wants the model."""
+    training, held_out = ([Path(f"{name}.parquet") for name in part] for part in (found.flights, found.held_out))
+    refused = found.fit_verdict.use is Use.REJECTED
+    return what_next.DiagnoseCall(
+        training,
+        Path("vehicle.toml"),
+        held_out,
+        auto=True,
+        out=None if refused else OUT,
+        refused=OUT if refused else None,
+    )
 
 
 def beside_optimum(
@@ -76,34 +82,55 @@ def beside_optimum(
 ) -> dict[str, Any]:
     """Position errors after 0.5 s on held-out flights: of the model given, of the one written and of the optimum.
 
-    Written is the vehicle of the diagnosis, with the equation that it proposes, if it does, fitted as its next command
-    does.
+    Written is the vehicle of the diagnosis, with the equation that its next command adds, if it does, fitted as that
+    does. A model that is refused, or whose fit fails, has an infinite error. Where the fit with the true law's form has
+    not converged or is no better than the model given, there is no optimum to compare with.
     """
     if truth["kind"] != "form":
         return {}
+    options = _as_fitted(found)
     with tempfile.TemporaryDirectory() as spare:
         folder = Path(spare)
         try:
             true = form_laws.informed(given, truth["law"], truth["variables"], folder)
-            best = sysid.identify(training, true, OPTIONS).vehicle
-            models = {"given": given, "written": _written(training, found, folder), "optimum": best}
-            compared = sysid.compare(held_out, models, OPTIONS)
+            best = sysid.identify(training, true, options)
+            written = _written(training, found, folder, options)
+            models = {"given": given, "optimum": best.vehicle} | ({} if written is None else {"written": written})
+            compared = sysid.compare(held_out, models, options)
         except InputError as error:
             return {"no_optimum": str(error)}
         finally:
             effects.forget_files(effects.from_files())
     at = HORIZONS_S.index(0.5)
+    errors = {"written": float("inf")} | {name: compared.errors[name]["position"][at] for name in models}
+    if not best.converged or not errors["optimum"] < errors["given"]:
+        return {"no_optimum": f"{'' if best.converged else 'not converged, '}{errors}"}
     law = found.search.equation
     return {
-        "optimum": {name: compared.errors[name]["position"][at] for name in models},
+        "optimum": errors,
         "equation": None if law is None else law.form.formula,
-        "true_sizes": {n: p.value for n, p in best.parameters.items() if n.startswith(form_laws.NAME)},
+        "true_sizes": {n: p.value for n, p in best.vehicle.parameters.items() if n.startswith(form_laws.NAME)},
     }
 
 
-def _written(training: list[FlightLog], found: Diagnosis, folder: Path) -> vehicle.Vehicle:
+def _as_fitted(found: Diagnosis) -> sysid.Options:
+    """The options of the diagnosis' own last fit."""
+    fit = found.search.models[-1].fit
+    return replace(OPTIONS, clock=fit.clock, gusts="white" if fit.noise.gusts is None else "estimate")
+
+
+def _written(
+    training: list[FlightLog], found: Diagnosis, folder: Path, options: sysid.Options
+) -> vehicle.Vehicle | None:
+    """None where nothing is written."""
+    if found.fit_verdict.use is Use.REJECTED:
+        return None
     law = found.search.equation
-    if law is None or found.undecided:
+    if law is None or not any(line.endswith("--proposed") for line in what_next.lines(found, _call(found))):
         return found.vehicle
     file = equation_text.scaffold(law, folder / "proposed.py", name="proposed")
-    return sysid.identify(training, found.vehicle.with_effect_file(file), OPTIONS).vehicle
+    try:
+        fitted = sysid.identify(training, found.vehicle.with_effect_file(file), options)
+    except InputError:
+        return None
+    return None if fitted.verdict.use is Use.REJECTED else fitted.vehicle

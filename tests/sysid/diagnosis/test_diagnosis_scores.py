@@ -282,6 +282,13 @@ def test_what_is_written_stands_beside_the_optimum_and_its_lines_and_fate_are_co
     near = score(results, "other forms: held-out error")
     assert near.value == pytest.approx(2 / 3)
     assert (near.peers["with an equation"], near.peers["of them within"]) == (1, 1)
+    refused = kept(float("inf"), None, 22, fate=False)
+    lost = result("form") | {"no_optimum": "not converged", "answer": refused["answer"]}
+    harder = score([*results, refused, lost], "other forms: held-out error")
+    assert harder.value == pytest.approx(2 / 4)
+    assert harder.peers["without an optimum"] == 1
+    assert harder.peers["worst"] == float("inf")
+    assert near.peers["worst"] == pytest.approx(1.06)
     assert score(results, "held-out error halves").value == 1.0
     assert score([kept(0.1, None, 24, fate=False)], "held-out error halves").ok is False
     assert score(results, "lines of 80 columns").value == 25

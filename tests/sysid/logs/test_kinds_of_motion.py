@@ -1,6 +1,7 @@
 """Which kinds of motion no flight shows is said, with what to fly; nothing of a kind that a log does not measure."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ TIME_S = 0.01 * np.arange(1500)
 WAVE = np.sin(2.0 * TIME_S)
 CAR = vehicle.example()
 DOWNWASH_M_S = kinds_of_motion._downwash_m_s(CAR)
-WHOLE = {"level": 1.0, "vertical": 0.5, "roll": 2.0, "yaw": 1.5}
+WHOLE: dict[str, Any] = {"level": 1.0, "vertical": 0.5, "roll": 2.0, "yaw": 1.5}
 KINDS = dict(zip(WHOLE, kinds_of_motion.FLY, strict=True))
 
 
