@@ -133,6 +133,11 @@ class Diagnosis:
         return flown(self.search.models[-1].fit.solution.point.states)
 
     @property
+    def only_hovers(self) -> bool:
+        """Whether no training flight does more than hover: then next to nothing could show."""
+        return any(note.startswith(kinds_of_motion.HOVERING) for note in self.findings)
+
+    @property
     def pose_may_be_late(self) -> bool:
         """Whether the clocks leave that open, so that nothing is sure that `pose_delay` would change."""
         return gyro_is_early(self.search.models[-1].fit.clocks)
@@ -188,7 +193,9 @@ class Diagnosis:
             parts.append(
                 f"{unsure} the logs contradict themselves or the vehicle file: {self.input_verdict.against[0]}"
             )
-        return "; ".join(parts) if parts else "nothing that these flights could show is missing"
+        said = "; ".join(parts) if parts else "nothing that these flights could show is missing"
+        to_fly = ", ".join(kinds_of_motion.FLY.values())
+        return f"{said}; they only hover, where little shows: fly {to_fly}" if self.only_hovers else said
 
     def _said(self, name: str) -> str:
         both = zip((*self.flights, *self.held_out), self.payload_carried, strict=False)
@@ -233,6 +240,7 @@ class Diagnosis:
     def belief(self) -> Belief:
         """Probability that the whole sentence is right, and of what else may be true."""
         unsure = bool(self.fit_verdict.against) or bool(self.search.too_short) or self.pose_may_be_late
+        unsure |= self.only_hovers
         unsure |= bool(self.proxies and self.search.doubted)  # for something unknown, or for one of these
         names = [s.confidence for s in self.candidates if s.verdict is Verdict.PRESENT]
         names += [one.known_form for one in self.families]

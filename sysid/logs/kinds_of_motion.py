@@ -14,6 +14,8 @@ FLY = {LEVEL: "fast_level", VERTICAL: "vertical", TILTING: "doublets", YAWING: "
 """A manoeuvre of each kind."""
 ALIKE = ("all flights ", "the flight ")
 """How a note begins on flights that are of one kind, or of none."""
+HOVERING = ("all flights hover: ", "the flight hovers: ")
+"""How it begins where they only hover."""
 LEAST_SPEED = 0.25
 """Of the downwash in hover: what air speed changes at the rotors is of this order. Gusts move a hover by less."""
 HOVERS = 0.4

@@ -176,6 +176,7 @@ def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, 
     """Whatever it says, and whether the fit itself or the check of the logs is against it."""
     name = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.96)
     whole: Any = SimpleNamespace(
+        only_hovers=False,
         families=(),
         family_of_curve=None,
         input_verdict=of_logs,
@@ -193,6 +194,49 @@ def test_no_sentence_has_more_than_even_odds_on_a_rejected_fit(of_logs, of_fit, 
     found = Diagnosis.belief.fget(whole)  # type: ignore[attr-defined]
     assert found.as_stated == pytest.approx(most)
     assert f"probability {most:.0%} that" in found.sentence(named=says_missing)
+
+
+@pytest.mark.parametrize("says_missing", [False, True])
+def test_flights_that_only_hover_leave_even_odds_and_the_sentence_says_what_to_fly(says_missing: bool):
+    name = SimpleNamespace(name="weak_rotor[0]", verdict=Verdict.PRESENT, confidence=0.96)
+    whole: Any = SimpleNamespace(
+        only_hovers=True,
+        candidates=(name,) if says_missing else (),
+        additions=("weak_rotor[0]",) if says_missing else (),
+        families=(),
+        family_of_curve=None,
+        undecided=(),
+        outside=None,
+        proxies=(),
+        negligible=(),
+        doubts=(),
+        unsaid=(),
+        pose_may_be_late=False,
+        leaves_too_much=False,
+        says_missing=says_missing,
+        _said=str,
+        input_verdict=fits.Verdict(),
+        fit_verdict=fits.Verdict(),
+        search=SimpleNamespace(too_short="", left=0.0, left_anywhere=0.0, forms=(), doubted=()),
+    )
+    verdict = Diagnosis.verdict.fget(whole)  # type: ignore[attr-defined]
+    said = "missing was weak_rotor[0]" if says_missing else "nothing that these flights could show is missing"
+    fly = "fast_level, vertical, doublets, yaw_doublets"
+    assert verdict == f"{said}; they only hover, where little shows: fly {fly}"
+    assert Diagnosis.belief.fget(whole).as_stated == THRESHOLDS.even_confidence  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("notes", "hovers"),
+    [
+        (("the mass was given", "all flights hover: no yaw; fly yaw_doublets"), True),
+        (("the flight hovers: no yaw; fly yaw_doublets",), True),
+        (("all flights are slow: no yaw; fly yaw_doublets",), False),
+        ((), False),
+    ],
+)
+def test_that_flights_only_hover_is_read_from_the_note_on_their_motion(notes: tuple[str, ...], hovers: bool):
+    assert Diagnosis.only_hovers.fget(SimpleNamespace(findings=notes)) is hovers  # type: ignore[attr-defined]
 
 
 def doubts(refuted: tuple[str, ...] = (), doubted: tuple[str, ...] = ("motor_lag",), **sizes: Size) -> tuple[str, ...]:
@@ -234,6 +278,7 @@ def test_a_load_below_what_matters_is_not_said_to_be_missing_perhaps():
 def test_a_proxy_alone_says_that_something_unknown_is_missing(left: float, doubted, least: float, most: float):
     """With even odds at most where a known effect is as good as what is unknown."""
     whole: Any = SimpleNamespace(
+        only_hovers=False,
         families=(),
         family_of_curve=None,
         additions=(),
@@ -262,6 +307,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
     """What is said of the proxy has the probability that is stated: curves in the channels of the name count too."""
     name: Any = SimpleNamespace(name="angular_damping", verdict=Verdict.PRESENT, confidence=0.9)
     whole: Any = SimpleNamespace(
+        only_hovers=False,
         families=(),
         family_of_curve=None,
         additions=("angular_damping",),
@@ -290,6 +336,7 @@ def test_a_proxy_beside_a_name_is_for_its_form_or_for_something_unknown(forms: b
 )
 def test_what_shows_and_is_too_small_to_matter_is_said_and_not_called_missing(doubts: tuple[str, ...], words: str):
     whole: Any = SimpleNamespace(
+        only_hovers=False,
         families=(),
         family_of_curve=None,
         additions=(),
@@ -331,6 +378,7 @@ def test_the_sentence_is_only_as_likely_as_that_nothing_is_missing_where_nothing
     ]
     drawn = outside and SimpleNamespace(channel=outside, confidence=1.0)
     whole: Any = SimpleNamespace(
+        only_hovers=False,
         families=(),
         family_of_curve=None,
         candidates=found,

@@ -51,12 +51,14 @@ def test_of_hovers_all_kinds_are_told_with_what_to_fly():
         "cannot be told; fly fast_level, vertical, doublets, yaw_doublets"
     )
     assert said(log()).startswith("the flight hovers: no level flight")
+    assert all(said(*flights).startswith(kinds_of_motion.HOVERING) for flights in ([log()], [gusty, log()]))
 
 
 def test_flights_that_are_only_slow_are_not_said_to_hover():
     slow = log(level=0.2, vertical=0.2, roll=0.9)
     assert said(slow, slow).startswith("all flights are slow: no level flight, no climb and descent, no roll")
     assert said(slow).startswith("the flight is slow: ")
+    assert not said(slow).startswith(kinds_of_motion.HOVERING)
     assert said(log(), slow).startswith("all flights are slow: ")
 
 
