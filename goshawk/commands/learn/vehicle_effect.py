@@ -14,6 +14,7 @@ from goshawk.commands.learn import fit_options, kept, model_change
 from goshawk.commands.learn.flights import load
 from goshawk.terminal import console, outputs
 from goshawk.terminal.verbs import VerbGroup
+from sysid.diagnosis.evidence.candidates import taken_out
 from sysid.estimator.validation import changes
 from sysid.estimator.validation.changes import Change, Flights
 from sysid.estimator.verdict import Use
@@ -136,7 +137,7 @@ def remove(
     Refit and evaluation are as for `add`.
     """
     present = vehicle.load(vehicle_file)
-    changed = present.without_effect(name)
+    changed = taken_out(present, name)
     if not dry_run:
         lost = {n: p for n, p in present.parameters.items() if n.startswith(name + ".")}
         said = ", ".join(f"{n} = {p.value:.4g} {p.unit} ({p.source})" for n, p in lost.items())

@@ -237,10 +237,13 @@ def taken_out(vehicle: Vehicle, effect: str) -> Vehicle:
 
     Thrust by the induced-velocity law gone, thrust is k n^2 again: without any law of thrust nothing would carry it.
     What the two laws share keeps its value, and in hover they lift the same.
+
+    Raises:
+        InputError: the effect is not active.
     """
-    contains = vehicle.effect(effect)
     bare = vehicle.without_effect(effect)
-    if not contains.instead_of:
+    contains = vehicle.effect(effect)
+    if not contains.instead_of or contains.instead_of in bare.effects:
         return bare
     theirs, ours = contains.takes_over
     old = vehicle.parameter(f"{effect}.{ours}")

@@ -141,6 +141,14 @@ def test_the_history_is_a_staircase_on_any_flights(file, flown):
     assert "rotor_drag_thrust" in goshawk("history", file)
 
 
+def test_a_law_of_thrust_that_is_removed_leaves_the_simpler_one_behind(file):
+    hover = vehicle.invert.hover(vehicle.load(file))
+    goshawk("effect", "remove", file, "thrust_bem", "--yes")
+    left = vehicle.load(file)
+    assert {"thrust_bem", "thrust_quadratic"} & set(left.effects) == {"thrust_quadratic"}
+    assert vehicle.invert.hover(left) == pytest.approx(hover, rel=1e-3)
+
+
 def test_a_preview_writes_nothing(file):
     before = file.read_bytes()
     assert "nothing was written" in goshawk("effect", "add", file, DRAG, "--dry-run")

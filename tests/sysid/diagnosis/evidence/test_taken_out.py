@@ -46,6 +46,11 @@ def test_what_two_laws_share_keeps_its_value():
     assert left.value("thrust_bem.k1_n_s2") == pytest.approx(7e-6)
 
 
+def test_beside_the_law_that_it_contains_a_law_just_goes():
+    both = BASE.with_effect("thrust_bem", k1_n_s2=1e-6, k2_n_s2_m=-1e-5)
+    assert taken_out(both, "thrust_bem").parameters == BASE.parameters
+
+
 def test_there_are_such_laws():
     assert "thrust_bem" in LAWS_OF_THRUST
 
