@@ -61,8 +61,12 @@ class Score:
 
     @property
     def half90(self) -> FloatArray:
-        """(q,) half widths of the 90 % intervals, by the law of those of a fit (`uncertainty.errors`): few blocks may
-        scatter less than the noise alone makes them, by chance, and know their own scatter badly."""
+        """(q,) half widths of the 90 % intervals: few blocks may scatter less than the noise alone makes them, by
+        chance, and know their own scatter badly.
+
+        Unlike those of a fit (`uncertainty.errors`) they do not see what is wrong for as long as a whole flight: where
+        that is as large as a block's noise, "90 %" holds some 60 %.
+        """
         from scipy.special import stdtrit
 
         of_blocks = stdtrit(self.shown_by, 0.95) * self.sigma

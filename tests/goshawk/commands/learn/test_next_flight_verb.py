@@ -2,12 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import vehicle
 from flight import flight_log, project
+from goshawk.commands.learn import next_flight
 from tests.goshawk.running import run, typed
 from vehicle import flights, manoeuvres
 
@@ -121,3 +123,14 @@ def test_a_map_without_room_is_refused_with_the_space_that_it_takes(folder, pill
     assert "not in this map: oblique needs" in said
     assert "the largest free box is" in said
     assert not out.exists()
+
+
+def test_a_law_of_thrust_in_doubt_leaves_the_simpler_one_with_the_same_hover(monkeypatch):
+    """The gate of --map checks rotor speeds with this vehicle."""
+    fitted = vehicle.example()
+    diagnosis = SimpleNamespace(vehicle=fitted, more={"in_doubt": ["thrust_bem"]})
+    monkeypatch.setattr(next_flight.kept, "newest", lambda *asked: diagnosis)
+    names, believed = next_flight._kept_question((), Path("vehicle.toml"), fitted)
+    assert names == ("thrust_bem",)
+    assert {"thrust_bem", "thrust_quadratic"} & set(believed.effects) == {"thrust_quadratic"}
+    assert vehicle.invert.hover(believed) == pytest.approx(vehicle.invert.hover(fitted), rel=1e-2)

@@ -1,12 +1,18 @@
 """A candidate that goes again leaves the vehicle as it was: with a law of thrust, above all."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+import sysid
 import vehicle
-from sysid.diagnosis.evidence.candidates import Candidate, added, taken_out
+from sysid.diagnosis import fitting
+from sysid.diagnosis.effect_sizes import scored
+from sysid.diagnosis.evidence.candidates import Candidate, added, candidate_set, taken_out
+from sysid.diagnosis.evidence.score import Score
 from vehicle import effects
 
 BASE = vehicle.example("hummingbird").without_effect("inflow_linear").without_effect("translational_lift")
@@ -57,3 +63,35 @@ def test_there_are_such_laws():
 
 def test_any_other_effect_just_goes():
     assert taken_out(BASE.with_effect("flapping_moment"), "flapping_moment").parameters == BASE.parameters
+
+
+def test_the_search_fits_what_is_left_of_a_law_of_thrust(monkeypatch):
+    model: Any = SimpleNamespace(fit=SimpleNamespace(vehicle=hovering_with("thrust_bem", -1e-4)))
+    fitted: list[vehicle.Vehicle] = []
+    monkeypatch.setattr(fitting, "identify", lambda logs, start, options, near: fitted.append(start))
+    monkeypatch.setattr(fitting, "examine", lambda fit: fit)
+    fitting.refit_without([], model, replace(THERE, name="thrust_bem", effect="thrust_bem"), sysid.Options())
+    assert [set(one.effects) for one in fitted] == [set(BASE.effects)]
+
+
+def test_the_interval_of_a_candidate_is_that_of_its_score():
+    drag = next(c for c in candidate_set(BASE, [flight()]).candidates if c.name == "rotor_drag_thrust")
+    q = len(drag.parameters)
+    found = Score(
+        np.arange(q), np.ones(q), np.eye(q), np.full(q, 4.0), np.full(q, 24.0), 1.0, 1.0, np.ones(2), 0.1, 1.0
+    )
+    assert [s.half90 for s in scored(drag, found)] == pytest.approx(list(found.half90))
+    assert scored(drag, found)[0].half90 == pytest.approx(1.6449 * 2.0, rel=1e-3)
+
+
+def flight() -> Any:
+    speed = np.full((10, 4), 500.0)
+    return SimpleNamespace(
+        rotor_speed_rad_s=speed,
+        driven_by_command=False,
+        carries_payload=None,
+        log_index=0,
+        streams={},
+        battery_v=np.full(10, 12.0),
+        has_pose=True,
+    )
