@@ -130,7 +130,7 @@ def command(
         result.details.show()
     mark = "" if result.vehicle is None or written is None else vehicle.purpose.mark_sentence(result.vehicle)
     _tell_next(
-        further if details else first(further),
+        further if details else first(further, writes=out is not None),
         [written and f"{written}{mark and f', {mark}'}", files["report"], *files["figures"]],
         refused,
     )
@@ -177,11 +177,18 @@ def _of_imu(
     return kept.Kept(found.as_dict(), screen, found.vehicle, more, details)
 
 
-def first(further: Sequence[str]) -> list[str]:
-    """The first command with the remarks before it; how many more there are is told by the details."""
-    ends = next((i + 1 for i, line in enumerate(further) if not line.startswith("(")), len(further))
+def first(further: Sequence[str], *, writes: bool = False) -> list[str]:
+    """The first command, with the remarks and the marking of logs before it; how many more there are is told by the
+    details.
+
+    Args:
+        writes: whether a vehicle file was asked for, which the same call would find there the next time.
+    """
+    before = ("(", "goshawk log mark ")
+    ends = next((i + 1 for i, line in enumerate(further) if not line.startswith(before)), len(further))
     more = len(further) - ends
-    return [*further[:ends], *([f"({more} more with --details)"] if more else [])]
+    how = "--details, without --out" if writes else "--details"
+    return [*further[:ends], *([f"({more} more with {how})"] if more else [])]
 
 
 def _tell_next(further: Sequence[str], written: Sequence[Path | str | None], refused: Path | None) -> None:

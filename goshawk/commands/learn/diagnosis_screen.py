@@ -97,7 +97,7 @@ def _envelope(found: Diagnosis) -> str:
     """In a line."""
     e = found.envelope
     level, climb, sink = f"{e.level_speed_m_s:.1f}", f"{e.climb_m_s:.1f}", f"{e.sink_m_s:.1f}"
-    return f"within the flown envelope: level {level}, climb {climb}, sink {sink} m/s, {e.rate_rad_s:.1f} rad/s"
+    return f"within the flown envelope: level {level}, climb {climb}, sink {sink} m/s, turns {e.rate_rad_s:.1f} rad/s"
 
 
 def _of_the_fit(found: Diagnosis) -> tuple[str, str]:
@@ -224,7 +224,7 @@ def _size_sentence(finding: CandidateFinding) -> str:
     ]
     rest = [s.parameter.split(".")[-1] for s in flown if s not in shown]
     said += [f"{', '.join(rest)} not apart from 0"] if rest else []
-    return f"{finding.name}: {', '.join(said)}; alone {1000.0 * finding.error_m:.1f} mm in 0.5 s"
+    return f"{finding.name}: {', '.join(said)}; alone {1000.0 * finding.error_m:.1f} mm of position in 0.5 s"
 
 
 def _prediction(found: Diagnosis) -> list[str]:

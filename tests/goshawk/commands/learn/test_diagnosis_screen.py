@@ -79,7 +79,7 @@ def test_the_second_missing_effect_has_its_size_before_a_proxy_has():
 
 def test_what_has_no_room_is_counted_with_the_notes():
     said = lines(diagnosis_screen.short(diagnosis(staircase=STAIRS)))
-    assert said[-1] == "no room here for 3 more sentences and 2 notes (--details)"
+    assert said[-1] == "no room here for 4 more sentences and 2 notes (--details)"
 
 
 def test_that_all_flights_hover_is_always_said_whole_and_first_among_the_notes():
@@ -115,6 +115,12 @@ def test_the_first_command_is_shown_with_its_remarks_and_the_others_are_counted(
         "(2 more with --details)",
     ]
     assert first(["goshawk diagnose a"]) == ["goshawk diagnose a"]
+    marks = ["goshawk log mark a --payload left", "goshawk log mark b --payload left"]
+    assert first([*marks, "goshawk diagnose a", "goshawk b"], writes=True) == [
+        *marks,
+        "goshawk diagnose a",
+        "(1 more with --details, without --out)",
+    ]
     assert first(["(nothing can be made of it)"]) == ["(nothing can be made of it)"]
     assert first([]) == []
 
@@ -126,7 +132,7 @@ def finding(*values: tuple[str, float, float]) -> CandidateFinding:
 
 def test_a_size_that_may_be_nothing_stands_by_its_name_alone():
     said = diagnosis_screen._size_sentence(finding(("x_kg", 0.1, 0.3), ("y_kg", -0.2, 0.3), ("z_kg", 0.5, 0.2)))
-    assert said == "drag: z_kg 0.5 (0.3 to 0.7) kg, x_kg, y_kg not apart from 0; alone 14.6 mm in 0.5 s"
+    assert said == "drag: z_kg 0.5 (0.3 to 0.7) kg, x_kg, y_kg not apart from 0; alone 14.6 mm of position in 0.5 s"
     assert diagnosis_screen._size_sentence(finding(("x_kg", 0.1, 0.3))).startswith("drag: x_kg 0.1 (-0.2 to 0.4) kg;")
 
 
