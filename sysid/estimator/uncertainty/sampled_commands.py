@@ -17,13 +17,13 @@ LAGS = ("motor_lag.rise_s", "motor_lag.fall_s")
 
 
 def variances(flights: Sequence[Flight], unknowns: Unknowns) -> FloatArray:
-    """(p,) of the shared unknowns, s² where they are lags; zero where a pose shows how late commands are.
+    """(p,) of the shared unknowns, s² where they are lags; zero where flights show how late commands are.
 
     Flights whose rotor speed was measured say nothing of it.
     """
     result = np.zeros(unknowns.size)
     driven = [flight for flight in flights if flight.driven_by_command]
-    if not driven or any(flight.has_pose and not flight.commands_on_time for flight in driven):
+    if not driven or any(not flight.commands_on_time for flight in driven):
         return result
     sample_s = max(_sample_s(flight) for flight in driven)
     for name in set(LAGS) & set(unknowns.names):

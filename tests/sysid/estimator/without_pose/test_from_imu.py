@@ -77,10 +77,26 @@ def test_a_low_pass_that_the_log_names_does_not_shrink_thrust_and_inertia(twins,
         assert found.estimate(name).value == pytest.approx(twins[0][name][0], rel=0.03)
 
 
-def test_a_lag_is_never_surer_than_the_sampling_of_commands_lets_it_be(fitted):
-    for found in fitted:
-        for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
-            assert found.estimate(name).std_robust >= 0.002 / np.sqrt(12.0)  # 500 Hz
+def test_a_turning_is_told_as_readings_that_are_means_about_the_nodes_show_it():
+    """A gyro's readings are means about the nodes: their differences damp what the mean over an interval does not."""
+    step_s, by_rad_s = 6e-3, np.array([5.0, 20.0, 60.0])
+    edges_s = step_s * np.arange(-0.5, 400.0)
+    readings = np.diff(-np.cos(np.outer(edges_s, by_rad_s)) / by_rad_s, axis=0) / step_s
+    nodes_s = edges_s[:-1] + 0.5 * step_s
+    exact = np.diff(np.sin(np.outer(nodes_s, by_rad_s)), axis=0) / step_s
+    shown, inside = np.diff(readings, axis=0) / step_s, slice(1, -1)
+    off = np.abs(sensing.about_nodes(exact) - shown)[inside].max(axis=0) / by_rad_s
+    before = np.abs(exact - shown)[inside].max(axis=0) / by_rad_s
+    assert (off < 1e-2 * before).all()
+
+
+def test_errors_are_as_large_as_stated(twins, fitted):
+    """Of commands logged at half the loop's rate, whose delay is estimated, the sampling leaves nothing open."""
+    for i, found in enumerate(fitted):
+        for name in (*INERTIAS, "motor_lag.rise_s", "motor_lag.fall_s"):
+            one = found.estimate(name)
+            assert abs(one.value - twins[0][name][i]) < 2.5 * one.std_robust
+            assert one.std_robust < 0.1 * one.value
 
 
 def test_thrust_by_command_is_found_whatever_speed_full_throttle_is(twins, fitted, start):
