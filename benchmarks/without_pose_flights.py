@@ -155,8 +155,8 @@ def log_of(name: str, time_s: FloatArray, gyro: FloatArray, force: FloatArray, c
 class _Pilot:
     """Throttle steps, then rolls, pitches and yaws to and fro; the vehicle is held near its place.
 
-    A stick moves at any step of the loop. Moved at logged steps alone, as no stick is, sudden commands are known in time
-    and gradual ones are not: lags came out 1 to 2 % long and inertias .4 % small in every twin.
+    A stick moves at any step of the loop. Moved at logged steps alone, as no stick is, sudden commands are known in
+    time and gradual ones are not: lags came out 1 to 2 % long and inertias .4 % small in every twin.
     """
 
     def __init__(self, m: int, rng: np.random.Generator, duration_s: float, effort: tuple[float, float, float]) -> None:
