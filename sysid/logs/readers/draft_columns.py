@@ -56,6 +56,14 @@ _PWM = re.compile(r"(^|_)(pwm|motor_m)")
 """Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 _LARGEST_MICROSECONDS, _MOST_PWM16 = 2500.0, 65535.0
 """A larger motor command is no servo pulse; the largest of 16 bits."""
+_NAMED_OUTPUT = re.compile(r"(?:^|_)(?:(?:m|mot|motor|esc|output)_?([0-8])_?pwm|pwm_?([0-8]))$")
+_BETAFLIGHT_OUTPUT, _TURNS = re.compile(r"motor\[([0-8])\]$"), re.compile(r"(^|_)e_?rpm(_|$)")
+PULSES, DIGITAL = (1000.0, 2000.0), (48.0, 2047.0)
+"""Motor outputs from stop to full: of pulses in microseconds, and of DShot."""
+SPARE = 48.0
+"""By which outputs may lie outside: DShot of 0 stops."""
+POLES, MOST_HUNDREDS = 14.0, 10_000.0
+"""Of a usual motor; electrical revolutions a minute beyond are no hundreds."""
 
 
 @dataclass(slots=True)
@@ -99,7 +107,8 @@ def draft(path: Path) -> Draft:
         Guess(quantity, list(columns), dict(keys), [f"by their names, {', '.join(columns)}, which say the unit"])
         for quantity, (columns, keys) in known_names.found(table).items()
     ]
-    used = {time.columns[0]} | {name for guess in known for name in guess.columns}
+    outputs = _outputs(table)
+    used = {time.columns[0]} | {name for guess in (*known, *outputs) for name in guess.columns}
     groups = _groups([name for name in table if name not in used])
     groups = {quantity: columns for quantity, columns in groups.items() if quantity not in {g.name for g in known}}
     guesses = []
@@ -109,7 +118,7 @@ def draft(path: Path) -> Draft:
         guesses.append(guess)
     _frames(guesses, table, down=any(guess.entries.get("frame") == "z down" for guess in known))
     guesses = [time, *known, *guesses]
-    guesses += _scalars(table, {name for guess in guesses for name in guess.columns})
+    guesses += _scalars(table, {name for guess in (*guesses, *outputs) for name in guess.columns}, outputs)
     used = {name for guess in guesses for name in guess.columns}
     keep = next((n for n in table if n not in used and _is_flag(n, table[n])), None)
     unused = tuple(name for name in table if name not in used and name != keep)
@@ -251,6 +260,10 @@ def _describe(guess: Guess, components: list[str], table: dict[str, FloatArray])
         _attitude(guess, components, values, told)
         return
     unit, reason = (told, f"unit {told} by the name") if told else by_size(guess.name, values)
+    if _TURNS.search(_base(guess.columns[0])[0]):
+        hundreds = 100.0 if np.nanmedian(values) < MOST_HUNDREDS else 1.0
+        unit, guess.entries["scale"] = "rpm", hundreds / (0.5 * POLES)
+        reason = f"electrical revolutions{' in hundreds' if hundreds > 1.0 else ''}, {POLES:g} poles: CHECK"
     guess.entries["unit"] = unit
     guess.reasons.append(reason)
     if "rotor" in guess.name:
@@ -333,15 +346,36 @@ def _down(guess: Guess, reason: str) -> None:
     guess.reasons.append(f"z down: {reason}")
 
 
-def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
+def _outputs(table: dict[str, FloatArray]) -> list[Guess]:
+    """Outputs to the motors as pulses or DShot: named as such, or as Betaflight's tools write them."""
+    numbers: dict[str, str] = {}
+    for name in table:
+        base, told = _base(name)
+        match = _NAMED_OUTPUT.search(base) or _BETAFLIGHT_OUTPUT.search(name)
+        if match and told in ("", "us") and np.isfinite(table[name]).any():
+            numbers[name] = next(part for part in match.groups() if part)
+    if not numbers:
+        return []
+    least, most = (float(f([f(table[name]) for name in numbers])) for f in (np.nanmin, np.nanmax))
+    turns = any(_TURNS.search(_base(name)[0]) for name in table)  # which DShot alone tells
+    (low, high), said = PULSES, "pulses from 1000 to 2000 us by size, or DShot from 48 to 2047: CHECK"
+    if turns or least < PULSES[0] - SPARE or most > PULSES[1] + SPARE:
+        (low, high), said = DIGITAL, "DShot from 48 to 2047"
+    if least < low - SPARE or most > high + SPARE:
+        return []
+    keys = {"scale": 1.0 / (high - low), "offset": -low / (high - low)}
+    return [Guess(f"cmd {n}", [name], dict(keys), [f"a motor output: {said}"]) for name, n in numbers.items()]
+
+
+def _scalars(table: dict[str, FloatArray], used: set[str], outputs: list[Guess]) -> list[Guess]:
     """Battery, and motor commands from 0 to 1."""
-    found = []
+    found = list(outputs)
     for name, values in table.items():
         base, told = _base(name)
         finite = values[np.isfinite(values)]
         if name in used or not len(finite):
             continue
-        if re.search(r"(^|_)(vbat|vbatt|battery|batt|bat|battery_voltage|voltage)$", base):
+        if re.search(r"(^|_)(vbat|vbat_latest|vbatt|battery|batt|bat|battery_voltage|voltage)$", base):
             unit = told if told in ("V", "mV") else "mV" if np.median(finite) > 100.0 else "V"
             reasons = [f"battery by its name; unit {unit}, median {np.median(finite):g}"]
             if not any(guess.name == "battery_v" for guess in found):

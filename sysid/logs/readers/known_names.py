@@ -1,4 +1,4 @@
-"""Columns whose names say what they hold and in which unit: Crazyflie's log variables, north-east-down."""
+"""Columns whose names say what they hold and in which unit: Crazyflie's, Betaflight's, north-east-down."""
 
 from collections.abc import Collection
 from typing import Any
@@ -41,6 +41,8 @@ KNOWN: tuple[tuple[str, tuple[str, ...], dict[str, Any]], ...] = (
         {"unit": "rad/s", "scale": 1e-3, "sign": _PITCH_INVERTED},
     ),
     ("specific_force_body_m_s2", _group("acc", "x y z"), {"unit": "g"}),
+    ("rate_body_rad_s", tuple(f"gyroADC[{i}]" for i in range(3)), {"unit": "deg/s"}),
+    ("specific_force_body_m_s2", tuple(f"accSmooth[{i}]" for i in range(3)), {"unit": "g", "scale": 1.0 / 2048.0}),
     ("rotor_speed_rad_s", _group("rpm", "m1 m2 m3 m4"), {"unit": "rpm"}),
     *((f"motor_command_{i}_ratio", (f"motor.m{i + 1}",), {"scale": 1.0 / 65535.0}) for i in range(4)),
     ("battery_v", ("pm.vbat",), {"unit": "V"}),

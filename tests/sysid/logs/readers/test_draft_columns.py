@@ -145,5 +145,32 @@ def test_motor_commands_of_sixteen_bits_become_shares_of_full_throttle(tmp_path,
     for i, name in enumerate(names):
         assert document["scalar"][f"motor_command_{i}_ratio"]["column"] == name
         np.testing.assert_allclose(log.columns[f"motor_command_{i}_ratio"], share, atol=1e-5)
-    servo = {"t": T} | dict.fromkeys(names, 1000.0 + 1000.0 * share)
-    assert "scalar" not in drafted(written(tmp_path, servo))[0]  # microseconds are another scale
+
+
+@pytest.mark.parametrize("names", [[f"motor_{i}_pwm_us" for i in range(4)], [f"PWM{i}" for i in (1, 2, 3, 4)]])
+def test_pulses_become_shares_of_full_throttle(tmp_path, names):
+    share = 0.5 + 0.4 * np.sin(T)
+    document, log = drafted(written(tmp_path, {"t": T} | dict.fromkeys(names, 1000.0 + 1000.0 * share)))
+    assert document["scalar"]["motor_command_3_ratio"]["column"] == names[3]
+    np.testing.assert_allclose(log.columns["motor_command_3_ratio"], share, atol=1e-6)
+
+
+def test_outputs_of_an_unknown_scale_are_left_alone(tmp_path):
+    columns = {"t": T} | {f"motor_{i}_pwm": 3000.0 * np.sin(T) - 800.0 for i in range(4)}
+    assert "scalar" not in drafted(written(tmp_path, columns))[0]
+
+
+def test_a_table_of_betaflights_tools_has_outputs_by_dshot_and_electrical_revolutions(tmp_path):
+    share, speed = 0.5 + 0.4 * np.sin(T), 1000.0 + 300.0 * np.cos(T)
+    columns = {"time (us)": np.round(1e6 * T)}
+    columns |= {f"gyroADC[{i}]": np.degrees(0.1 * (i + 1)) + 0.0 * T for i in range(3)}
+    columns |= {f"accSmooth[{i}]": 2048.0 * (i == 2) + 0.0 * T for i in range(3)}
+    columns |= {f"motor[{i}]": 48.0 + np.round(1999.0 * share) for i in range(4)}
+    columns |= {f"eRPM[{i}]": np.round(speed * 60.0 / (2.0 * np.pi) * 7.0 / 100.0) for i in range(4)}
+    columns |= {"vbatLatest (V)": 16.0 - T / 100.0}
+    _, log = drafted(written(tmp_path, columns))
+    np.testing.assert_allclose(log.vector("rate_body_rad_s")[0], [0.1, 0.2, 0.3], rtol=1e-4)
+    np.testing.assert_allclose(log.vector("specific_force_body_m_s2")[0], [0.0, 0.0, 9.80665], rtol=1e-6)
+    np.testing.assert_allclose(log.columns["motor_command_2_ratio"], share, atol=1e-3)
+    np.testing.assert_allclose(log.vector("rotor_speed_rad_s")[:, 1], speed, rtol=1e-3)
+    assert log.has("battery_v")
