@@ -26,6 +26,7 @@ from sysid.estimator.joint_problem.solver import (
 )
 from sysid.estimator.joint_problem.unknowns import Unknowns
 from sysid.estimator.options import Options
+from sysid.estimator.uncertainty import sampled_commands
 from sysid.estimator.without_pose import coloured, left_out
 from sysid.estimator.without_pose.anchors import Beside
 from sysid.estimator.without_pose.coloured import Coloured
@@ -188,7 +189,21 @@ def _solution(
     shown_by = np.sum([one for of_flight in extended for one, _ in of_flight], axis=0)
     moved = left_out.moves(solution, carried + shown_by)
     sizes = left_out.possible(solution, extended, carried, len(unknowns.bias) + len(unknowns.delay))
-    return replace(solution, shifts=moved @ left_out.root(sizes))
+    shifts = [moved @ left_out.root(sizes), _by_late_commands(solution, flights, unknowns)]
+    return replace(solution, shifts=np.column_stack(shifts))
+
+
+def _by_late_commands(solution: Solution, flights: Sequence[Flight], unknowns: Unknowns) -> FloatArray:
+    """(p, 1) by how much the other unknowns go with lags that are off by what a command's sample hides."""
+    hidden = sampled_commands.variances(flights, unknowns, solution.point.vehicle)
+    lags = np.flatnonzero(hidden)
+    moved = np.zeros((unknowns.size, 1))
+    if len(lags):
+        covariance = solution.covariance()
+        along = np.linalg.solve(covariance[np.ix_(lags, lags)], np.sqrt(hidden[lags]))
+        moved[:, 0] = covariance[:, lags] @ along
+        moved[lags] = 0.0  # stated with the lags themselves (`uncertainty.errors`)
+    return moved
 
 
 def block_scores(flights: Sequence[Flight], point: Point, unknowns: Unknowns, block_s: float) -> tuple[Score, ...]:
