@@ -235,15 +235,15 @@ def _concluded(
 ) -> Identification:
     on_time = [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
     found = conclude(vehicle, on_time, unknowns, solution, held, unsettled, options, given, options.clock)
-    against = told.unanswered(flights, solution)
+    against, behind = told.unanswered(flights, solution), told.unnamed_low_pass(flights, found.clocks)
     judged = anchors_judged.judge(known, solution, unknowns)
     verdict = replace(found.verdict, against=(*found.verdict.against, *against))
-    verdict = verdict.doubted(*(one.sentence for one in judged if one.contradicts))
+    verdict = verdict.doubted(*behind, *(one.sentence for one in judged if one.contradicts))
     findings = found.findings[1:] if known.weighs else found.findings  # the first: the mass was not estimated
     said = [one.sentence for one in judged]
     if (sagging := anchors_judged.sag(known, found.vehicle)) is not None:
         found, said = replace(found, vehicle=sagging[0]), [*said, sagging[1]]
-    findings = (*against, *said, *findings, *told.sentences(on_time, solution, unknowns))
+    findings = (*against, *behind, *said, *findings, *told.sentences(on_time, solution, unknowns))
     return replace(found, findings=findings, verdict=verdict)
 
 
