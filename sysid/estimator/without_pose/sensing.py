@@ -160,8 +160,20 @@ def shown_at_rest(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> t
 
 def measured(flight: Flight) -> FloatArray:
     """(k, 6) mean specific force and angular acceleration over each interval by the IMU."""
-    turning = np.diff(flight.rate_body_rad_s, axis=0) / flight.step_s[:, None]
+    turning = np.diff(flight.rate_body_rad_s, axis=0) / _apart_s(flight)[:, None]
     return np.concatenate([flight.specific_force_body_m_s2, turning], axis=1)
+
+
+def _apart_s(flight: Flight) -> FloatArray:
+    """(k,) from the middle of what a reading of the gyro is the mean of to the next one's (`Stretch.around_nodes`).
+
+    Steps between nodes are that only where they are even: of logs that lost 20 % of their rows at random inertias came
+    out 4 to 9 % small.
+    """
+    before_s = 0.0 if flight.lead_in is None else float(flight.lead_in.step_s[-1])
+    node_s = flight.time_s
+    edge_s = np.concatenate([[node_s[0] - 0.5 * before_s], 0.5 * (node_s[1:] + node_s[:-1]), node_s[-1:]])
+    return np.diff(0.5 * (edge_s[1:] + edge_s[:-1]))
 
 
 def _seen(flight: Flight, mid: Middle, felt: FloatArray, turned: FloatArray, values: Mapping[str, float]) -> FloatArray:

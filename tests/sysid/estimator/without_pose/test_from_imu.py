@@ -11,7 +11,8 @@ import sysid
 from flight import FlightLog, InputError
 from sysid.diagnosis.procedure import diagnose
 from sysid.estimator import from_imu
-from sysid.estimator.options import HoverCommand
+from sysid.estimator.options import HoverCommand, Options
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.without_pose import anchors, sensing, told
 from sysid.logs.sensors.low_pass import LowPass
 
@@ -102,6 +103,18 @@ def test_a_turning_is_told_as_readings_that_are_means_about_the_nodes_show_it():
     off = np.abs(sensing.about_nodes(exact) - shown)[inside].max(axis=0) / by_rad_s
     before = np.abs(exact - shown)[inside].max(axis=0) / by_rad_s
     assert (off < 1e-2 * before).all()
+
+
+def test_a_steady_turning_is_measured_as_it_is_whatever_rows_a_log_lost(twins, start):
+    log = twins[1][0]
+    kept = np.random.default_rng(1).random(len(log.time_s)) > 0.2
+    log = FlightLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
+    steady = {f"rate_body_{axis}_rad_s": (i + 1.0) * log.time_s for i, axis in enumerate("xyz")}
+    for flight in prepare_all([_changed(log, **steady)], Options(), [start]):
+        assert np.ptp(flight.step_s) > 0.5 * np.median(flight.step_s)
+        assert sensing.measured(flight)[:, 3:] == pytest.approx(
+            np.tile([1.0, 2.0, 3.0], (len(flight) - 1, 1)), rel=1e-6
+        )
 
 
 def test_errors_are_as_large_as_stated(twins, fitted):
