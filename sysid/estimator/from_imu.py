@@ -168,9 +168,12 @@ def _identified(
 
 
 def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -> list[str]:
-    """Effects to be tried: where commands were shares of full throttle, and the thrust is quadratic so far."""
+    """Effects to be tried: of commands that were shares of full throttle, all; of measured rotor speeds, the parabola.
+
+    The lower terms are tried where the thrust is quadratic so far.
+    """
     if not any(flight.full_throttle_rad_s is not None for flight in flights):
-        return []
+        wanted = [effect for effect in wanted if effect == AFFINE and not all(f.driven_by_command for f in flights)]
     quadratic = "thrust_quadratic" in vehicle.effects
     damped = any(effect in vehicle.effects for effect in DAMPERS)
     usable = [e for e in wanted if (quadratic or e != AFFINE) and not (damped and e == DAMPING)]
@@ -212,8 +215,9 @@ def _hover_n(vehicle: Vehicle) -> float:
 
 
 def _usual_rad_s(flights: Sequence[Flight]) -> float:
-    """Commanded speed in the middle of all."""
-    return float(np.median(np.concatenate([f.rotor_command_rad_s.ravel() for f in flights if f.driven_by_command])))
+    """Speed in the middle of all: commanded, or measured where that is."""
+    driving = [f.rotor_command_rad_s if f.driven_by_command else f.rotor_speed_rad_s for f in flights]
+    return float(np.median(np.concatenate([speed.ravel() for speed in driving])))
 
 
 def _without(vehicle: Vehicle, unknowns: Unknowns, effects: Sequence[str]) -> tuple[Vehicle, Unknowns]:

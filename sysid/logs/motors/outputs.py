@@ -98,8 +98,9 @@ def _betaflight(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> Outp
 def _pulses(table: Mapping[str, FloatArray], names: tuple[str, ...]) -> Outputs:
     """Of those that move: outputs that nothing is connected to stay where they are."""
     moving = tuple(name for name in names if len(np.unique(table[name][np.isfinite(table[name])])) > 1)
-    values = _values(table, moving)
-    if len(moving) >= FEWEST and _are_pulses(values):
+    values, first = _values(table, moving), names.index(moving[0]) if moving else 0
+    together = moving == names[first : first + len(moving)]  # else one of them was not logged
+    if len(moving) >= FEWEST and together and _are_pulses(values):
         return Outputs(moving, *PULSES, "a motor output by its name, pulses of 1000 to 2000 us")
     sixteen_bits = len(values) > 0 and values.max() > PULSES[1] + 2.0 * SPARE_US
     return Outputs() if sixteen_bits else Outputs(left_out=names)

@@ -195,6 +195,11 @@ def test_outputs_that_nothing_moves_and_inputs_of_the_pilot_are_no_motors(tmp_pa
     ]
 
 
+def test_a_motor_that_was_not_logged_does_not_renumber_the_others(tmp_path):
+    columns = {f"pwm_{i}": 1000.0 + 1000.0 * SHARE if i != 2 else np.nan * T for i in range(6)}
+    assert "scalar" not in drafted(written(tmp_path, {"t": T} | columns))[0]
+
+
 @pytest.mark.parametrize("values", [600.0 + 200.0 * np.sin(T), 1000.0 + 300.0 * np.sin(T)])
 def test_rotor_speeds_named_as_betaflight_names_its_outputs_stay_rotor_speeds(tmp_path, values):
     document, _ = drafted(written(tmp_path, {"t": T} | {f"motor[{i}]": values for i in range(4)}))
