@@ -24,6 +24,15 @@ MOMENTS = {
     "flapping_moment": {"moment_kg_m": 1e-7},
     "wake_skew_moment": {"roll_kg_m": 1e-7, "pitch_kg_m": 1e-7},
 }
+BESIDE = (
+    "nothing",
+    "rotors late",
+    "rotor speed filtered, or a frame that flexes",
+    "hub drag, n v",
+    "unlike rotors",
+    "battery",
+)
+"""What was tried beside a moment; a gyro's scale goes into the inertia, and the axes have coefficients of their own."""
 BANDS_HZ = {"0.3-20 Hz": (0.3, 20.0), "3-20 Hz": (3.0, 20.0)}
 TAKE_OFF_S, TOUCHDOWN_S = 1.5, 2.5
 """Left out at the ends, where the ground pushes as well."""
@@ -46,6 +55,8 @@ class Motion:
     """(n,) of all rotors, by the vehicle file's coefficient."""
     torque_n_m: FloatArray
     """(n, 3) of the rotors, likewise."""
+    battery_v: FloatArray
+    """(n,)"""
     known: NDArray[np.bool_]
     """(n,) whether the position was there: around its jumps it is not."""
 
@@ -70,6 +81,47 @@ def run(logs: Mapping[str, FlightLog], model: vehicle.Vehicle) -> None:
                 found = [_held_out(columns, torque, [m.kind == kind for m in motions]) for kind in kinds]
                 inertia = " to ".join(f"{1e5 * f([size for _, size in found]):.2f}" for f in (min, max))
                 print(f"| {moment}, {axis_name} | " + " | ".join(f"{s:.2f}" for s, _ in found) + f" | {inertia} |")
+    _beside(motions, kinds, model)
+
+
+def _beside(motions: list[Motion], kinds: list[str], model: vehicle.Vehicle) -> None:
+    """What else could be wrong with the torque, beside no moment and beside the wakes': shares on kinds held out."""
+    (band,) = (band for title, band in BANDS_HZ.items() if title.startswith("0.3"))
+    print("\n| beside | " + " | ".join(f"{kind}, roll / pitch" for kind in kinds) + " |")
+    print("| --- |" + " --- |" * len(kinds))
+    for moment in ("none", "wake_skew_moment"):
+        for other in BESIDE:
+            shares = []
+            for axis in (0, 1):
+                columns = [
+                    _banded(
+                        np.hstack([_columns(m, axis, moment, MOMENTS[moment], model), _other(m, axis, other, model)]),
+                        band,
+                    )
+                    for m in motions
+                ]
+                columns = [c[m.known] for c, m in zip(columns, motions, strict=True)]
+                torque = [_banded(m.torque_n_m[:, axis], band)[m.known] for m in motions]
+                shares.append([_held_out(columns, torque, [m.kind == kind for m in motions])[0] for kind in kinds])
+            cells = " | ".join(f"{roll:.2f} / {pitch:.2f}" for roll, pitch in zip(*shares, strict=True))
+            print(f"| {moment}, {other} | {cells} |")
+
+
+def _other(m: Motion, axis: int, other: str, model: vehicle.Vehicle) -> FloatArray:
+    """(n, c) torque by what else was tried; a short delay or filter acts through the torque's derivatives."""
+    torque = m.torque_n_m[:, axis]
+    slope = np.gradient(torque, GRID_S)
+    if other == "rotors late":
+        return slope[:, None]
+    if other == "rotor speed filtered, or a frame that flexes":
+        return np.stack([slope, np.gradient(slope, GRID_S)], axis=1)
+    if other == "hub drag, n v":
+        return (m.rotor_speed_rad_s.sum(axis=1) * m.velocity_body_m_s[:, 1 - axis])[:, None]
+    if other == "unlike rotors":
+        return np.diff(m.rotor_speed_rad_s**2 * model.hub_body_m[:, 1 - axis], axis=1)  # their mean is given
+    if other == "battery":
+        return (torque * (m.battery_v - m.battery_v.mean()))[:, None]
+    return np.empty((len(torque), 0))
 
 
 def _by_frequency(motions: Mapping[str, Motion]) -> None:
@@ -109,6 +161,7 @@ def _motion(kind: str, log: FlightLog, model: vehicle.Vehicle) -> Motion:
         speed,
         force_n[:, 2],
         torque_n_m,
+        np.interp(motion.time_s, log.time_s, log.columns["battery_v"]),
         np.interp(motion.time_s, log.time_s, np.isfinite(log.vector("position_world_m")).all(axis=1)) > 0.99,
     )
 

@@ -168,9 +168,12 @@ def _identified(
 
 
 def _tried(flights: Sequence[Flight], vehicle: Vehicle, wanted: Sequence[str]) -> list[str]:
-    """Effects to be tried: where commands were shares of full throttle, and the thrust is quadratic so far."""
+    """Effects to be tried: of commands that were shares of full throttle, all; of measured rotor speeds, the parabola.
+
+    The lower terms are tried where the thrust is quadratic so far.
+    """
     if not any(flight.full_throttle_rad_s is not None for flight in flights):
-        return []
+        wanted = [effect for effect in wanted if effect == AFFINE and not all(f.driven_by_command for f in flights)]
     quadratic = "thrust_quadratic" in vehicle.effects
     damped = any(effect in vehicle.effects for effect in DAMPERS)
     usable = [e for e in wanted if (quadratic or e != AFFINE) and not (damped and e == DAMPING)]
@@ -212,8 +215,9 @@ def _hover_n(vehicle: Vehicle) -> float:
 
 
 def _usual_rad_s(flights: Sequence[Flight]) -> float:
-    """Commanded speed in the middle of all."""
-    return float(np.median(np.concatenate([f.rotor_command_rad_s.ravel() for f in flights if f.driven_by_command])))
+    """Speed in the middle of all: commanded, or measured where that is."""
+    driving = [f.rotor_command_rad_s if f.driven_by_command else f.rotor_speed_rad_s for f in flights]
+    return float(np.median(np.concatenate([speed.ravel() for speed in driving])))
 
 
 def _without(vehicle: Vehicle, unknowns: Unknowns, effects: Sequence[str]) -> tuple[Vehicle, Unknowns]:
@@ -235,15 +239,15 @@ def _concluded(
 ) -> Identification:
     on_time = [rotor_speed.aligned(flight, solution.point.sensors) for flight in flights]
     found = conclude(vehicle, on_time, unknowns, solution, held, unsettled, options, given, options.clock)
-    against = told.unanswered(flights, solution)
+    against, behind = told.unanswered(flights, solution), told.unnamed_low_pass(flights, found.clocks)
     judged = anchors_judged.judge(known, solution, unknowns)
     verdict = replace(found.verdict, against=(*found.verdict.against, *against))
-    verdict = verdict.doubted(*(one.sentence for one in judged if one.contradicts))
+    verdict = verdict.doubted(*behind, *(one.sentence for one in judged if one.contradicts))
     findings = found.findings[1:] if known.weighs else found.findings  # the first: the mass was not estimated
     said = [one.sentence for one in judged]
     if (sagging := anchors_judged.sag(known, found.vehicle)) is not None:
         found, said = replace(found, vehicle=sagging[0]), [*said, sagging[1]]
-    findings = (*against, *said, *findings, *told.sentences(on_time, solution, unknowns))
+    findings = (*against, *behind, *said, *findings, *told.sentences(on_time, solution, unknowns))
     return replace(found, findings=findings, verdict=verdict)
 
 

@@ -67,9 +67,8 @@ def standard_errors(
     off_s = gyro_feedback.biases_s(flights, unknowns, solution, np.sqrt(variance))
     by_clocks = by_command.shift**2 + (gyro_feedback.shifts(off_s, plain) ** 2).sum(axis=1)
     by_causes = 0.0 if solution.shifts is None else (solution.shifts**2).sum(axis=1)
-    besides = (
-        by_clocks + by_causes + unsettled.variances(held, unknowns) + sampled_commands.variances(flights, unknowns)
-    )
+    by_samples = sampled_commands.variances(flights, unknowns, solution.point.vehicle)
+    besides = by_clocks + by_causes + unsettled.variances(held, unknowns) + by_samples
     # Student's quantile is for the sandwich alone: it rests on few blocks
     of_blocks, of_noise = stdtrit(freedom, 0.95) ** 2 * np.diag(sandwich), NORMAL_90**2 * np.diag(plain)
     return Errors(

@@ -195,7 +195,7 @@ def _solution(
 
 def _by_late_commands(solution: Solution, flights: Sequence[Flight], unknowns: Unknowns) -> FloatArray:
     """(p, 1) by how much the other unknowns go with lags that are off by what a command's sample hides."""
-    hidden = sampled_commands.variances(flights, unknowns)
+    hidden = sampled_commands.variances(flights, unknowns, solution.point.vehicle)
     lags = np.flatnonzero(hidden)
     moved = np.zeros((unknowns.size, 1))
     if len(lags):

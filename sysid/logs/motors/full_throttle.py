@@ -52,7 +52,7 @@ def with_command_speeds(log: FlightLog, full_throttle_rad_s: float) -> FlightLog
         raise InputError("the log has no motor commands from 0 to 1 (motor_command_0_ratio ...); give no full throttle")
     if log.has(COMMAND):
         raise InputError("the log has commanded rotor speeds already; give no full throttle")
-    shares = np.stack([log.columns[name] for name in ratios(log)], axis=1)
+    shares = np.maximum(np.stack([log.columns[name] for name in ratios(log)], axis=1), 0.0)  # below: disarmed, at rest
     idle = float(log.metadata.get(IDLE, 0.0))
     names = rotor_columns(COMMAND, shares.shape[1])
     added = dict(zip(names, (full_throttle_rad_s * (idle + (1.0 - idle) * shares)).T, strict=True))

@@ -15,6 +15,8 @@ import numpy as np
 from flight import FormatError, InputError, errors
 from flight.flight_log import COLUMNS, MOST_ROTORS, ROTOR_QUANTITIES
 from flight.rotations import FloatArray
+from sysid.logs.motors import outputs, rotor_places
+from sysid.logs.motors.outputs import Outputs
 from sysid.logs.readers import known_names
 from sysid.logs.readers.read_csv import FORMAT, SEPARATORS, VERSION, header_names
 
@@ -47,7 +49,7 @@ _PATTERNS = (
     ("rotor_speed_command_rad_s", r"(?:rotor_speed|motor_speed|rotor|motor|rpm)_?(?:cmd|command|ref)_?(?P<c>[0-8])$"),
     (
         "rotor_speed_rad_s",
-        r"(?:m|mot|motor|rotor|prop|esc|rpm|erpm|rotor_?speed|motor_?speed|motor_?rpm)_?(?P<c>[0-8])$",
+        r"(?:m|mot|motor|rotor|prop|esc|rpm|erpm|rotor_?speed|motor_?speed|motor_?rpm)_?(?P<c>[0-8])(?:_?e?rpm)?$",
     ),
     ("position_world_m", _ASKED + r"(?:p|pos|position)?" + _OF + r"(?P<c>[xyz])$"),
 )
@@ -56,6 +58,10 @@ _PWM = re.compile(r"(^|_)(pwm|motor_m)")
 """Duty cycles (Crazyflie's `motor.m1` is one) look like rotor speeds in rpm."""
 _LARGEST_MICROSECONDS, _MOST_PWM16 = 2500.0, 65535.0
 """A larger motor command is no servo pulse; the largest of 16 bits."""
+COMMANDS = {f"motor_command_{i}_ratio" for i in range(MOST_ROTORS)}
+_TURNS = re.compile(r"(^|_)e_?rpm(_|\d|$)")
+POLES, MOST_HUNDREDS = 14.0, 10_000.0
+"""Of a usual motor; electrical revolutions a minute beyond are no hundreds."""
 
 
 @dataclass(slots=True)
@@ -99,9 +105,18 @@ def draft(path: Path) -> Draft:
         Guess(quantity, list(columns), dict(keys), [f"by their names, {', '.join(columns)}, which say the unit"])
         for quantity, (columns, keys) in known_names.found(table).items()
     ]
-    used = {time.columns[0]} | {name for guess in known for name in guess.columns}
+    of_betaflight = outputs.is_betaflight(table)
+    if of_betaflight:
+        known += [Guess(q, list(c), keys, reasons) for q, c, keys, reasons in known_names.of_betaflight(table)]
+    driven = outputs.found(table, _base)
+    commands = [] if COMMANDS & {g.name for g in known} else _outputs(driven)
+    used = {time.columns[0], *driven.left_out} | {name for guess in (*known, *commands) for name in guess.columns}
     groups = _groups([name for name in table if name not in used])
-    groups = {quantity: columns for quantity, columns in groups.items() if quantity not in {g.name for g in known}}
+    groups = {
+        quantity: columns
+        for quantity, columns in groups.items()
+        if quantity not in {g.name for g in known} and not ("rotor" in quantity and _are_shares(table, columns))
+    }
     guesses = []
     for quantity, columns in groups.items():
         guess = Guess(quantity, list(columns.values()))
@@ -109,11 +124,21 @@ def draft(path: Path) -> Draft:
         guesses.append(guess)
     _frames(guesses, table, down=any(guess.entries.get("frame") == "z down" for guess in known))
     guesses = [time, *known, *guesses]
-    guesses += _scalars(table, {name for guess in guesses for name in guess.columns})
+    guesses += commands
+    guesses += _scalars(table, {name for guess in guesses for name in guess.columns}, {g.name for g in guesses})
     used = {name for guess in guesses for name in guess.columns}
     keep = next((n for n in table if n not in used and _is_flag(n, table[n])), None)
     unused = tuple(name for name in table if name not in used and name != keep)
-    return Draft(_text(Path(path), (separator, why), guesses, keep, unused), tuple(guesses), unused)
+    text = _text(Path(path), (separator, why), guesses, keep, unused)
+    if of_betaflight and len(driven.columns) == len(rotor_places.BETAFLIGHT):
+        text += _PLACES
+    return Draft(text, tuple(guesses), unused)
+
+
+_PLACES = (
+    "\n# Betaflight's motors 1 to 4 of QUADX: CHECK your mixer. `goshawk log check` compares them with the vehicle."
+    f"\n[metadata]\nrotor_places = {json.dumps(rotor_places.BETAFLIGHT)}\n"
+)
 
 
 def _lines(path: Path) -> list[str]:
@@ -133,6 +158,7 @@ def _lines(path: Path) -> list[str]:
 def _table(path: Path) -> tuple[str, str, dict[str, FloatArray]]:
     """Separator, why, and columns by name."""
     lines = _lines(path)
+    _no_lines_above(path, lines)
     some = lines[1:21]
     counts = {s: {len(line.split(None if s == " " else s)) for line in some} for s in SEPARATORS}
     fit = [s for s in SEPARATORS if len(counts[s]) == 1 and max(counts[s]) > 1]
@@ -161,6 +187,22 @@ def _table(path: Path) -> tuple[str, str, dict[str, FloatArray]]:
     return separator, why, dict(zip(names, values.T, strict=True))
 
 
+def _no_lines_above(path: Path, lines: list[str]) -> None:
+    """
+    Raises:
+        FormatError: lines of another length, as the settings that tools export, stand above the names.
+    """
+    for separator in (",", ";", "\t"):
+        counts = [line.count(separator) for line in lines]
+        above = next((len(lines) - i for i, count in enumerate(reversed(counts)) if count != counts[-1]), 0)
+        names = lines[above].split(separator) if above < len(lines) - 10 else [""]
+        if above > 1 and len(names) > 2 and not any(_is_number(name.strip('"')) for name in names):
+            raise FormatError(
+                f"{path} has {above} lines above the names of its columns ({', '.join(names[:2])}, ...); delete them: "
+                f"tail -n +{above + 1} OLD > NEW"
+            )
+
+
 def _is_number(text: str) -> bool:
     try:
         float(text)
@@ -171,7 +213,7 @@ def _is_number(text: str) -> bool:
 
 def _base(name: str) -> tuple[str, str]:
     """A column's name in small letters without its unit, and the unit it names (empty: none)."""
-    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    plain = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.replace("(/100)", "")).lower()
     if found := re.search(r"[\[(]\s*([a-z0-9/^ .°-]*?)\s*[\])]$", plain):
         unit = _UNITS.get(re.sub(r"[^a-z0-9]", "", found[1].replace("°", "deg")), "")
         if unit or not found[1]:
@@ -202,14 +244,19 @@ def _time(table: dict[str, FloatArray], path: Path) -> Guess:
         )
     name, step = named[0], float(np.median(np.diff(table[named[0]])))
     by_step = "s" if step < 0.3 else "ms" if step < 300.0 else "us" if step < 3e5 else "ns"
-    unit = by_step
-    reason = f"rises by {step:g} from row to row: {1.0 / (step * _SECONDS[by_step]):.0f} rows a second if in {by_step}"
-    told = _base(name)[1]
-    if told in _SECONDS and told != by_step:
+    told = "us" if name == "time" and outputs.is_betaflight(table) else _base(name)[1]
+    likely = told in _SECONDS and FEWEST_ROWS <= 1.0 / (step * _SECONDS[told]) <= MOST_ROWS
+    unit = told if likely else by_step
+    reason = f"rises by {step:g} from row to row: {1.0 / (step * _SECONDS[unit]):.0f} rows a second if in {unit}"
+    if likely:
+        reason += ", as its name says"
+    elif told in _SECONDS and told != unit:
         reason += f" (its name says {told}: check)"
     return Guess("time", [name], {"unit": unit}, [reason])
 
 
+FEWEST_ROWS, MOST_ROWS = 10.0, 10_000.0
+"""Of a log in a second: within them the name tells the time's unit."""
 _SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 
@@ -242,6 +289,11 @@ def _groups(names: list[str]) -> dict[str, dict[str, str]]:
     return chosen
 
 
+def _are_shares(table: dict[str, FloatArray], columns: dict[str, str]) -> bool:
+    """Whether nothing exceeds 1, which is too slow for a rotor."""
+    return not any((table[name] > 1.0).any() for name in columns.values())
+
+
 def _describe(guess: Guess, components: list[str], table: dict[str, FloatArray]) -> None:
     """Unit, and the order of a quaternion."""
     values = np.stack([table[name] for name in guess.columns], axis=1)
@@ -251,6 +303,11 @@ def _describe(guess: Guess, components: list[str], table: dict[str, FloatArray])
         _attitude(guess, components, values, told)
         return
     unit, reason = (told, f"unit {told} by the name") if told else by_size(guess.name, values)
+    if _TURNS.search(_base(guess.columns[0])[0]):
+        turning = values[values > 0.0]
+        hundreds = 100.0 if not len(turning) or np.percentile(turning, 95.0) < MOST_HUNDREDS else 1.0
+        unit, guess.entries["scale"] = "rpm", hundreds / (0.5 * POLES)
+        reason = f"electrical revolutions{' in hundreds' if hundreds > 1.0 else ''}, {POLES:g} poles: CHECK"
     guess.entries["unit"] = unit
     guess.reasons.append(reason)
     if "rotor" in guess.name:
@@ -333,19 +390,30 @@ def _down(guess: Guess, reason: str) -> None:
     guess.reasons.append(f"z down: {reason}")
 
 
-def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
-    """Battery, and motor commands from 0 to 1."""
-    found = []
+def _outputs(found: Outputs) -> list[Guess]:
+    """Numbered from 0 in their order."""
+    order = "in the order of the rotors that `goshawk vehicle show` lists: CHECK"
+    return [
+        Guess(f"motor_command_{i}_ratio", [name], dict(found.keys), [found.said, order])
+        for i, name in enumerate(found.columns)
+    ]
+
+
+def _scalars(table: dict[str, FloatArray], used: set[str], known: set[str]) -> list[Guess]:
+    """Battery, and motor commands from 0 to 1, of which the first group counts, unless they are known."""
+    found: list[Guess] = []
     for name, values in table.items():
         base, told = _base(name)
         finite = values[np.isfinite(values)]
         if name in used or not len(finite):
             continue
-        if re.search(r"(^|_)(vbat|vbatt|battery|batt|bat|battery_voltage|voltage)$", base):
+        if re.search(r"(^|_)(vbat|vbat_latest|vbatt|battery|batt|bat|battery_voltage|voltage)$", base):
             unit = told if told in ("V", "mV") else "mV" if np.median(finite) > 100.0 else "V"
             reasons = [f"battery by its name; unit {unit}, median {np.median(finite):g}"]
-            if not any(guess.name == "battery_v" for guess in found):
+            if "battery_v" not in {*known, *(guess.name for guess in found)}:
                 found.append(Guess("battery_v", [name], {"unit": unit}, reasons))
+        if known & COMMANDS:
+            continue
         match = re.search(r"(?:^|_)(?:cmd|command|u|motor_cmd|motor_command|control|actuator|throttle)_?([0-8])$", base)
         if match and finite.min() >= 0.0 and finite.max() <= 1.0:
             found.append(Guess(f"cmd {match[1]}", [name], {}, ["a motor command by its name, from 0 to 1"]))
@@ -353,10 +421,12 @@ def _scalars(table: dict[str, FloatArray], used: set[str]) -> list[Guess]:
         if match and finite.min() >= 0.0 and _LARGEST_MICROSECONDS < finite.max() <= _MOST_PWM16:
             reasons = ["a motor command by its name, of 16 bits by its size"]
             found.append(Guess(f"cmd {match[1]}", [name], {"scale": 1.0 / _MOST_PWM16}, reasons))
-    commands = sorted((g for g in found if g.name.startswith("cmd ")), key=lambda g: g.name)
+    others = [guess for guess in found if not guess.name.startswith("cmd ")]
+    commands = sorted((guess for guess in found if guess.name.startswith("cmd ")), key=lambda g: g.name)
+    commands = [guess for guess in commands if guess.entries == commands[0].entries]  # of one kind
     for number, guess in enumerate(commands):
         guess.name = f"motor_command_{number}_ratio"
-    return found
+    return [*others, *commands]
 
 
 def _is_flag(name: str, values: FloatArray) -> bool:

@@ -5,6 +5,7 @@ number, a stamp (version 1: milliseconds, 2: microseconds), and the values; a CR
 https://www.bitcraze.io/documentation/repository/crazyflie-firmware/master/functional-areas/
 """
 
+import math
 import struct
 import zlib
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from sysid.logs.readers import known_names
 from sysid.logs.readers.assemble import assembled
 from sysid.logs.readers.read_csv import UNITS, from_roll_pitch_yaw
 from sysid.logs.readers.streams import Stream
+from sysid.logs.sensors.low_pass import LowPass
 
 MAGIC = 0xBC
 VERSIONS = {1: ("<HI", 1e-3), 2: ("<HQ", 1e-6)}
@@ -29,6 +31,9 @@ MOST_EVENTS = 1000
 LONGEST_PAUSE_S = 60.0
 """A stamp that is further from the one before is damage."""
 CRC_BYTES = 4
+FORCE = "specific_force_body_m_s2"
+ACCELEROMETER_LOW_PASS = LowPass(2.0 * math.pi * 30.0, math.sqrt(0.5))
+"""Of the firmware (ACCEL_LPF_CUTOFF_FREQ), before it is logged."""
 
 
 @dataclass(slots=True)
@@ -73,7 +78,11 @@ def read(path: Path) -> FlightLog:
             if quantity not in streams:
                 streams[quantity] = stream
                 notes.append(note)
-    return rotor_places.with_places(assembled(path, streams, notes, lost), rotor_places.CRAZYFLIE)
+    if FORCE in streams:
+        notes.append("accelerometer: behind the Crazyflie's low-pass of 30 Hz, which a fit allows for")
+    log = rotor_places.with_places(assembled(path, streams, notes, lost), rotor_places.CRAZYFLIE)
+    told = ACCELEROMETER_LOW_PASS.metadata() if FORCE in streams else {}
+    return FlightLog(log.columns, {**log.metadata, **told})
 
 
 def _crc(content: bytes) -> int:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeGuard
 
 import numpy as np
 
@@ -37,8 +38,12 @@ def of(log: FlightLog) -> LowPass | None:
     if not isinstance(said, Mapping):
         return None
     said_of = (said.get(name) for name in ("natural_rad_s", "damping"))
-    numbers = [one for one in said_of if isinstance(one, float) and 0.0 < one < math.inf]
+    numbers = [float(one) for one in said_of if _is_number(one) and 0.0 < one < math.inf]
     return LowPass(*numbers) if len(numbers) == 2 else None
+
+
+def _is_number(value: object) -> TypeGuard[int | float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 @cache

@@ -11,7 +11,8 @@ import sysid
 from flight import FlightLog, InputError
 from sysid.diagnosis.procedure import diagnose
 from sysid.estimator import from_imu
-from sysid.estimator.options import HoverCommand
+from sysid.estimator.options import HoverCommand, Options
+from sysid.estimator.prepare import prepare_all
 from sysid.estimator.without_pose import anchors, sensing, told
 from sysid.logs.sensors.low_pass import LowPass
 
@@ -60,27 +61,86 @@ def test_inertia_and_lag_are_found_within_five_percent(twins, fitted):
             assert found.estimate(name).value == pytest.approx(twins[0][name][i], rel=0.05)
 
 
-def test_a_low_pass_that_the_log_names_does_not_shrink_thrust_and_inertia(twins, start):
-    """Betaflight may log its accelerometer behind 10 Hz: taken for the force itself, inertias came out 70 % small."""
+BEHIND_RAD_S = 2.0 * np.pi * 10.0 / np.sqrt(np.sqrt(2.0) - 1.0)
+"""Of each of the two lags of a Betaflight whose accelerometer is logged behind 10 Hz."""
+
+
+@pytest.fixture(scope="module")
+def behind(twins):
+    """The first twin's log, its accelerometer behind two lags."""
     log = twins[1][0]
-    lag_s = np.sqrt(np.sqrt(2.0) - 1.0) / (2.0 * np.pi * 10.0)
-    share = 1.0 - np.exp(-0.002 / lag_s)
-    through = {}
+    share, through = 1.0 - np.exp(-0.002 * BEHIND_RAD_S), {}
     for name in (f"specific_force_body_{axis}_m_s2" for axis in "xyz"):
         values = log.columns[name]
         for _ in range(2):
             values = signal.lfilter([share], [1.0, share - 1.0], values, zi=[(1.0 - share) * values[0]])[0]
         through[name] = values
-    named = FlightLog({**log.columns, **through}, {**log.metadata, **LowPass(1.0 / lag_s, 1.0).metadata()})
+    return FlightLog({**log.columns, **through}, log.metadata)
+
+
+def test_a_low_pass_that_the_log_names_does_not_shrink_thrust_and_inertia(twins, behind, start):
+    """Taken for the force itself, inertias came out 70 % small."""
+    named = FlightLog(behind.columns, {**behind.metadata, **LowPass(BEHIND_RAD_S, 1.0).metadata()})
     found = sysid.identify([named], start)
     for name in INERTIAS:
         assert found.estimate(name).value == pytest.approx(twins[0][name][0], rel=0.03)
 
 
-def test_a_lag_is_never_surer_than_the_sampling_of_commands_lets_it_be(fitted):
-    for found in fitted:
-        for name in ("motor_lag.rise_s", "motor_lag.fall_s"):
-            assert found.estimate(name).std_robust >= 0.002 / np.sqrt(12.0)  # 500 Hz
+def test_of_measured_rotor_speeds_the_linear_term_of_thrust_is_tried_as_of_commands(twins, start):
+    """Left out of twins that have it, inertias came out 2 to 3 % large, with 0.8 % stated."""
+    import without_pose_flights as flights
+
+    log, values = twins[1][0], {name: float(one[0]) for name, one in twins[0].items()}
+    ratio, turning = _commands(log), [_commands(log)[0]]
+    for wanted in ratio[1:]:
+        lag_s = np.where(wanted > turning[-1], values["motor_lag.rise_s"], values["motor_lag.fall_s"])
+        turning.append(turning[-1] + (wanted - turning[-1]) * (1.0 - np.exp(-2e-3 / lag_s)))
+    speed = flights.FULL_RAD_S * np.array(turning)
+    measured = {name: values for name, values in log.columns.items() if not name.startswith("motor_command")}
+    measured |= {f"rotor_speed_{i}_rad_s": speed[:, i] for i in range(4)}
+    found = sysid.identify([FlightLog(measured, log.metadata)], start)
+    for name in INERTIAS:
+        assert found.estimate(name).value == pytest.approx(values[name], rel=0.015)
+
+
+def test_an_accelerometer_late_as_behind_a_low_pass_that_nobody_named_is_doubtful(behind, start):
+    found = sysid.identify([behind], start)
+    assert str(found.verdict.use) == "doubtful"
+    assert any("Name its low-pass" in doubt and doubt in found.findings for doubt in found.verdict.doubts)
+
+
+def test_a_turning_is_told_as_readings_that_are_means_about_the_nodes_show_it():
+    """A gyro's readings are means about the nodes: their differences damp what the mean over an interval does not."""
+    step_s, by_rad_s = 6e-3, np.array([5.0, 20.0, 60.0])
+    edges_s = step_s * np.arange(-0.5, 400.0)
+    readings = np.diff(-np.cos(np.outer(edges_s, by_rad_s)) / by_rad_s, axis=0) / step_s
+    nodes_s = edges_s[:-1] + 0.5 * step_s
+    exact = np.diff(np.sin(np.outer(nodes_s, by_rad_s)), axis=0) / step_s
+    shown, inside = np.diff(readings, axis=0) / step_s, slice(1, -1)
+    off = np.abs(sensing.about_nodes(exact) - shown)[inside].max(axis=0) / by_rad_s
+    before = np.abs(exact - shown)[inside].max(axis=0) / by_rad_s
+    assert (off < 1e-2 * before).all()
+
+
+def test_a_steady_turning_is_measured_as_it_is_whatever_rows_a_log_lost(twins, start):
+    log = twins[1][0]
+    kept = np.random.default_rng(1).random(len(log.time_s)) > 0.2
+    log = FlightLog({name: values[kept] for name, values in log.columns.items()}, log.metadata)
+    steady = {f"rate_body_{axis}_rad_s": (i + 1.0) * log.time_s for i, axis in enumerate("xyz")}
+    for flight in prepare_all([_changed(log, **steady)], Options(), [start]):
+        assert np.ptp(flight.step_s) > 0.5 * np.median(flight.step_s)
+        assert sensing.measured(flight)[:, 3:] == pytest.approx(
+            np.tile([1.0, 2.0, 3.0], (len(flight) - 1, 1)), rel=1e-6
+        )
+
+
+def test_errors_are_as_large_as_stated(twins, fitted):
+    """Of commands logged at half the loop's rate, whose delay is estimated, the sampling leaves nothing open."""
+    for i, found in enumerate(fitted):
+        for name in (*INERTIAS, "motor_lag.rise_s", "motor_lag.fall_s"):
+            one = found.estimate(name)
+            assert abs(one.value - twins[0][name][i]) < 2.5 * one.std_robust
+            assert one.std_robust < 0.1 * one.value
 
 
 def test_thrust_by_command_is_found_whatever_speed_full_throttle_is(twins, fitted, start):
@@ -143,7 +203,7 @@ def test_the_derivatives_are_those_of_what_is_left(fitted):
         slope = (here - there) / (2.0 * step[i])
         # small products are left out: of the accelerometer's turn or place with what the model's slopes are
         of_model = late or i < len(unknowns.model)
-        rows, share = (slice(2, 6), 0.2 if late else 0.02) if of_model else (slice(0, 6), 1e-3)
+        rows, share = (slice(2, 6), 0.25 if late else 0.02) if of_model else (slice(0, 6), 1e-3)
         off, size = (np.sqrt((v[:, rows] ** 2).mean(axis=0)) for v in (by[:, :, i] - slope, slope))
         assert (off <= share * size.max()).all(), name
 

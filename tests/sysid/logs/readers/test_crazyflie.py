@@ -9,6 +9,7 @@ import pytest
 
 from flight import FlightError, rotations
 from sysid.logs.reading import read_log
+from sysid.logs.sensors import low_pass
 
 ROWS = 300
 TIME_S = 0.01 * np.arange(ROWS)
@@ -62,6 +63,15 @@ def test_the_sd_cards_log_arrives_in_our_units(tmp_path, version):
     check(log)
     assert "lost" not in log.metadata
     assert log.metadata["rotor_places"] == ["front right", "rear right", "rear left", "front left"]
+
+
+def test_the_accelerometer_is_behind_the_firmwares_low_pass(tmp_path):
+    """What it feels at 30 Hz arrives with half its power."""
+    (tmp_path / "log00").write_bytes(sd_card())
+    found = low_pass.of(read_log(tmp_path / "log00"))
+    assert found is not None
+    s = 2j * np.pi * 30.0 / found.natural_rad_s
+    assert abs(1.0 / (1.0 + 2.0 * found.damping * s + s**2)) == pytest.approx(np.sqrt(0.5))
 
 
 def test_a_csv_of_log_variables_needs_no_map(tmp_path):

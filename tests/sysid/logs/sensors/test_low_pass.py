@@ -40,3 +40,8 @@ def test_it_comes_back_from_a_log():
 )
 def test_what_a_foreign_file_says_of_it_is_taken_only_if_it_is_one(said):
     assert low_pass.of(FlightLog({"time_s": np.arange(3.0)}, {low_pass.KEY: said})) is None
+
+
+def test_whole_numbers_of_a_column_map_are_numbers():
+    said = {low_pass.KEY: {"natural_rad_s": 244, "damping": 1}}
+    assert low_pass.of(FlightLog({"time_s": np.arange(3.0)}, said)) == LowPass(244.0, 1.0)
