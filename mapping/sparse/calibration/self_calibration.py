@@ -21,6 +21,7 @@ from mapping.camera.rig import Camera, Rig
 from mapping.input.images import ImageSet
 from mapping.sparse.mapper import colmap, colmap_model
 from mapping.sparse.mapper.colmap import SparseOptions
+from mapping.workers import Threads
 
 logger = logging.getLogger(__name__)
 
@@ -93,7 +94,8 @@ def _tried(database: Path, images: ImageSet, signatures: list[np.ndarray], progr
     with pycolmap.Database.open(database) as opened:
         opened.update_camera(colmap_model.colmap_camera(start, camera_id=1))
         opened.clear_two_view_geometries()
-    colmap.match(database, images, signatures, _OPTIONS, progress)
+    with tempfile.TemporaryDirectory(dir=database.parent) as tasks:
+        colmap.match(database, images, signatures, _OPTIONS, progress, tasks=Path(tasks), pool=Threads())
     try:
         model = colmap.place(database, images, _OPTIONS, progress)
         colmap.refine(database, model, images.rig, _OPTIONS, progress)
