@@ -60,6 +60,7 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.map_figures import MapReport
+from mapping.placed_views import DEPTH
 from mapping.sparse import alignment, localization_map, reconstruction, tracks
 from mapping.sparse.alignment import DEPTH_SOURCE, Length
 from mapping.sparse.localization_map import LocalizationMap
@@ -78,15 +79,7 @@ INFERRED = "inferred.npz"
 CONFIDENCE = "confidence.npz"
 IMPORTED = "imported"
 """Key of `map.toml`, true in a map that was not made of images and has neither cameras nor poses."""
-STAGES = (
-    source.FRAMES,
-    source.CHECK,
-    colmap.FEATURES,
-    colmap.MATCHES,
-    colmap.POSES,
-    reconstruction.CALIBRATION,
-    placed_views.DEPTH,
-)
+STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
 """Stages whose results survive an interrupted work, in order."""
 MEASURED_SEEN_THROUGH = 1
 """Depth images of a sensor that must have seen through a voxel before it is free, as one measurement is enough."""

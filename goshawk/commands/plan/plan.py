@@ -89,13 +89,15 @@ def plan_one(
         asked, left_out = mission_along(file, tolerance_m, field, job)
     else:
         asked, left_out = job.asked(waypoints_file.load_mission(file)), None
+    options = thin_obstacles.priced(job.options, area, free, job.hidden_price)
     with console.progress() as report:
-        plan = thin_obstacles.plan(asked, area, field, drone, job.options, free, job.thinnest_m, progress=report)
+        plan = thin_obstacles.plan(asked, area, field, drone, options, free, job.thinnest_m, progress=report)
     with outputs.file(job.out, overwrite=job.overwrite) as temporary:
         planner.save_plan(temporary, plan, name=job.out.stem)
     surface = area.surface()
     nearest = None if surface is None else surface.nearest(np.array(plan.gate.clearance_point_world_m))
-    _show(plan, drone, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, as_json=as_json)
+    paid_m = None if options.hidden is None else options.hidden.paid_m(plan.trajectory)
+    _show(plan, drone, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, paid_m, as_json=as_json)
 
 
 def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: Job) -> tuple[Mission, int]:
@@ -117,6 +119,7 @@ def _show(
     waypoints: int,
     left_out: int | None,
     nearest: NearestSurface | None,
+    paid_m: float | None,
     *,
     as_json: bool,
 ) -> None:
@@ -125,6 +128,7 @@ def _show(
     Args:
         left_out: recorded positions that were left out; None if no path was given.
         nearest: to the point of least clearance; None in a map without measured surface.
+        paid_m: what the way costs by the price of hidden space; None where it has none.
     """
     facts = {
         "written": str(out),
@@ -148,6 +152,9 @@ def _show(
     shown |= {check.name: f"{check.value:.1f} of {check.bound:g} {check.unit}" for check in jerks}
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
     document |= {vehicle.purpose.KEY: vehicle.purpose.not_for_design(drone)}
+    if paid_m is not None:
+        shown["price of hidden space"] = f"{paid_m:.1f} m, by which the way counts as longer than it is"
+        document["hidden_price_paid_m"] = paid_m
     if nearest is not None:
         shown["measured surface"] = _surface(nearest)
         document["nearest_surface"] = asdict(nearest)

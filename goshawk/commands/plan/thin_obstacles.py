@@ -10,6 +10,7 @@ from mapping import Map
 from mapping.free_space import FreeSpace
 from planner import mission
 from planner.gate import could_hide, gate
+from planner.request.hidden import HiddenPrice
 from vehicle import Vehicle
 
 
@@ -27,6 +28,21 @@ def field_to_plan_in(area: Map, free: FreeSpace | None, thinnest_m: float | None
             f"{area.folder} has no images: how thin an obstacle could hide in it is not known; leave out --thinnest"
         )
     return free.resolving(thinnest_m)
+
+
+def priced(
+    options: planner.PlanOptions, area: Map, free: FreeSpace | None, hidden_price: float | None
+) -> planner.PlanOptions:
+    """The options with a price on space where an obstacle could hide, if one is given.
+
+    Raises:
+        InputError: the price is out of its range, or what the map's images resolve is not known.
+    """
+    if hidden_price is None:
+        return options
+    if free is None:
+        raise InputError(f"{area.folder} has no images: what could hide in it is not known; leave out --hidden-price")
+    return replace(options, hidden=HiddenPrice(hidden_price, free))
 
 
 def free_share(field: esdf.Field, area: Map) -> float:
