@@ -3,10 +3,13 @@
 import signal
 import threading
 import time
+from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
+from flight import silent
 from mapping import workers
 
 
@@ -74,3 +77,42 @@ def test_an_interrupt_waits_only_for_what_is_being_worked_on() -> None:
     with pytest.raises(KeyboardInterrupt):
         list(workers.in_order(work, range(10), threads=1))
     assert begun == [0]
+
+
+def halved(number: int) -> dict[str, np.ndarray]:
+    return {"half": np.array([0.5 * number])} if number else {}
+
+
+class Counting(workers.Threads):
+    """Threads that note which tasks they were given."""
+
+    def __init__(self) -> None:
+        super().__init__(2)
+        self.given: list[int] = []
+
+    def each(self, work, tasks, take, progress=silent) -> None:
+        chosen = list(tasks)
+        self.given += [number for number, _ in chosen]
+        super().each(work, chosen, take, progress)
+
+
+def files(folder: Path, count: int = 5) -> tuple[list[float], list[int]]:
+    """The answers of tasks, and which were given to threads."""
+    pool = Counting()
+    found = workers.files_of(halved, count, lambda k: (k,), folder=folder, pool=pool, stage="halving", progress=silent)
+    return [float(workers.arrays(file).get("half", [0.0])[0]) for file in found], pool.given
+
+
+def test_tasks_that_are_done_are_not_done_again_and_a_file_that_was_cut_off_is(tmp_path: Path) -> None:
+    whole = [0.0, 0.5, 1.0, 1.5, 2.0]
+    assert files(tmp_path) == (whole, [0, 1, 2, 3, 4])
+    assert files(tmp_path) == (whole, [])
+    (tmp_path / "000001.npz").unlink()
+    cut = tmp_path / "000003.npz"
+    cut.write_bytes(cut.read_bytes()[:30])
+    assert files(tmp_path) == (whole, [1, 3])
+    assert sorted(file.name for file in tmp_path.iterdir()) == [f"{k:06d}.npz" for k in range(5)]
+
+
+def test_no_tasks_are_no_files(tmp_path: Path) -> None:
+    assert files(tmp_path, 0) == ([], [])

@@ -127,7 +127,7 @@ def _matrix(model: np.ndarray | None) -> np.ndarray:
 
 
 def _record(opened: Any, pairs: list[tuple[int, int]], answer: Arrays) -> None:
-    """Write the answer of a task to the database."""
+    """Write the answer of a task to the database; focal lengths are known, so COLMAP estimates none beside."""
     import pycolmap
 
     matches = np.split(answer["matches"], np.cumsum(answer["counts"])[:-1])
