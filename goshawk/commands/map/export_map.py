@@ -1,5 +1,6 @@
 """`goshawk map export`: a map for other programs: mesh, points, grids, a COLMAP model, an OctoMap."""
 
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 
 import esdf
 import mapping
+from esdf import exchange_vdb, exchange_voxblox
 from flight import InputError, results
 from goshawk.terminal import console, outputs
 from mapping import foreign_mesh, map_server
@@ -22,6 +24,8 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "points": (".ply",),
     "ros": (".pgm",),
     "octomap": (".bt",),
+    "voxblox": (".vxblx",),
+    "volume": (".vdb",),
     "dem": (".asc",),
     "distances": (".ply",),
     "colmap": ("",),
@@ -36,7 +40,10 @@ _NEAR_M = 0.15
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @console.path_option(
-    "--out", "out", "File to write (.ply, .obj, .stl, .glb, .usda, .pgm, .bt, .asc), or folder.", required=True
+    "--out",
+    "out",
+    "File to write (.ply, .obj, .stl, .glb, .usda, .pgm, .bt, .vxblx, .vdb, .asc), or folder.",
+    required=True,
 )
 @click.option("--as", "kind", type=click.Choice(list(KINDS)), help="What to export [default: by the end of --out].")
 @click.option(
@@ -54,13 +61,16 @@ def export(
     goshawk map export map --out room.ply --as points     # the mesh's vertices with standard deviations
     goshawk map export map --out room.pgm --height 1.2    # slice, with a YAML file for ROS map_server
     goshawk map export map --out room.bt                  # OctoMap
+    goshawk map export map --out room.vxblx               # ESDF layer of voxblox
+    goshawk map export map --out room.vdb                 # distances as an OpenVDB volume
     goshawk map export map --out room.asc                 # elevation model: the highest surfaces, an ESRI ASCII grid
     goshawk map export map --out esdf.ply --as distances --height 1.2  # slice of the distance field; without: all of it
     goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
-    Up is z, in OBJ and GLB y. Slices, OctoMap and elevation model have the pilot's edits, meshes and points have none.
-    `goshawk map import` reads all again but distances and COLMAP models; only slice and OctoMap say which space is
-    free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are known.
+    Up is z, in OBJ and GLB y. Slices, grids and elevation model have the pilot's edits, meshes and points have none.
+    `goshawk map import` reads all again but distances and COLMAP models; slice, OctoMap and voxblox layer say which
+    space is free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are
+    known.
     """
     kind = _kind(out, kind)
     if kind == "ros" and height_m is None:
@@ -82,6 +92,9 @@ def export(
         facts |= _shares(image)
     elif kind == "octomap":
         written[out] = octomap.encode(area.field)
+        facts |= _shares(area.field.state)
+    elif kind in ("voxblox", "volume"):
+        written[out] = _volume(area, out)
         facts |= _shares(area.field.state)
     elif kind == "dem":
         written[out], facts["cells with a height"] = _elevation(area)
@@ -134,6 +147,15 @@ def _elevation(area: Map) -> tuple[bytes, str]:
     height_m = height_field.of_states(area.field.state, grid)
     x_m, y_m, _ = grid.origin_world_m
     return height_field.encode(height_m, grid.voxel_m[0], (x_m, y_m)), f"{float(np.isfinite(height_m).mean()):.0%}"
+
+
+def _volume(area: Map, out: Path) -> bytes:
+    """The distance field as a layer of voxblox or an OpenVDB volume, by the end of the name."""
+    with tempfile.TemporaryDirectory() as folder:
+        made = Path(folder) / out.name
+        write = exchange_vdb.export_vdb if out.suffix.lower() == ".vdb" else exchange_voxblox.export_layer
+        write(made, area.field)
+        return made.read_bytes()
 
 
 def _distances(area: Map, height_m: float | None) -> tuple[bytes, int]:

@@ -75,6 +75,28 @@ def test_points_and_voxels_are_written_by_their_names(folder: Path, tmp_path: Pa
     assert (tmp_path / "a.bt").read_bytes().startswith(b"# Octomap OcTree binary file\nid OcTree\n")
 
 
+def test_a_voxblox_layer_and_an_openvdb_volume_are_the_maps_field(folder: Path, tmp_path: Path) -> None:
+    area = mapping.open_map(folder)
+    run("map", "export", folder, "--out", tmp_path / "a.vxblx")
+    run("map", "import", tmp_path / "a.vxblx", "--out", tmp_path / "again")
+    again = mapping.open_map(tmp_path / "again")
+    places = area.field.grid.centre(np.argwhere(area.field.state != UNKNOWN))
+    index = again.field.grid.index(places)
+    np.testing.assert_array_equal(again.field.state[tuple(index.T)], area.field.state[area.field.state != UNKNOWN])
+    assert (again.field.state != UNKNOWN).sum() == len(places)
+    tinyvdb = pytest.importorskip("tinyvdb", reason="TinyVDB reads what we write")
+    run("map", "export", folder, "--out", tmp_path / "a.vdb")
+    file = tinyvdb.open(str(tmp_path / "a.vdb"))
+    file.read_grids()
+    volume = file.grid(0)
+    np.testing.assert_allclose(volume.transform["translation"], area.field.grid.centre([0, 0, 0]), atol=1e-12)
+    index = np.frombuffer(volume.to_sparse()["coords"], np.int32).reshape(-1, 3)
+    values = np.frombuffer(volume.to_sparse()["values"], np.float32)
+    near = np.abs(area.field.values_m) < area.field.cap_m  # what is farther is stored by blocks
+    assert len(index) >= (near & (area.field.state != UNKNOWN)).sum()
+    np.testing.assert_array_equal(values, area.field.values_m[tuple(index.T)])
+
+
 def test_an_elevation_model_and_distances_are_those_of_the_map(folder: Path, tmp_path: Path) -> None:
     area = mapping.open_map(folder)
     run("map", "export", folder, "--out", tmp_path / "a.asc")

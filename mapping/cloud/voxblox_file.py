@@ -1,0 +1,45 @@
+"""Layers of voxblox (`.vxblx`) as voxels: occupied, free and unknown by their distances or occupancies."""
+
+from pathlib import Path
+
+import numpy as np
+
+from esdf import UNKNOWN, observe
+from esdf.exchange_voxblox import Layer, import_layer
+from esdf.grid import StateArray
+from flight import FormatError, InputError, errors
+from mapping import reach
+from mapping.imported import MOST_TRACED, Space, require_few
+
+SUFFIX = ".vxblx"
+_MOST_BYTES = 2_000_000_000
+_ON_SURFACE = 0.499
+"""Distance in voxels up to which a voxel of an ESDF holds a surface: beside a wall of whole voxels it is one half."""
+
+
+def read(path: Path) -> Space:
+    """The voxels of a layer, in metres with z up; what it did not observe is unknown.
+
+    Raises:
+        InputError: there is no such file, it is too large, or lies too far from the origin.
+        FormatError: it is damaged or of another kind, or holds nothing.
+    """
+    if not path.is_file():
+        raise errors.missing(path)
+    if (size := path.stat().st_size) > _MOST_BYTES:
+        raise InputError(f"{path} has {size / 1e9:.1f} GB, at most {_MOST_BYTES / 1e9:g} GB are read: cut the map")
+    layer = import_layer(path)
+    reach.require_near_origin(np.stack([layer.grid.low_world_m, layer.grid.high_world_m]), str(path))
+    require_few(layer.grid, f"cut {path.name}, or make it coarser", at_most=MOST_TRACED)
+    state = _states(layer)
+    if (state == UNKNOWN).all():
+        raise FormatError(f"{path} holds neither free nor occupied space")
+    return Space(layer.grid, state)
+
+
+def _states(layer: Layer) -> StateArray:
+    if layer.kind == "tsdf":
+        return observe.state_from_tsdf(layer.value, layer.weight, layer.grid)
+    if layer.kind == "occupancy":
+        return observe.state_from_occupancy(1.0 / (1.0 + np.exp(-layer.value.astype(np.float64))), layer.grid)
+    return observe.state_from_tsdf(layer.value, layer.weight, layer.grid, margin_m=_ON_SURFACE * layer.grid.voxel_m[0])

@@ -1,0 +1,62 @@
+"""Layers of voxblox, written byte by byte from its format, as maps."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from esdf import FREE, OCCUPIED, UNKNOWN, Grid, build
+from esdf.exchange_voxblox import export_layer
+from flight import FlightError
+from mapping.cloud import voxblox_file
+from tests.esdf.test_exchange import hand_written_layer
+
+SIDE = 8
+
+
+def words(kind: str, values: np.ndarray, seen: np.ndarray) -> list[int]:
+    """Of a block (x, y, z), x fastest."""
+    columns = [values.astype(np.float32).view(np.uint32), seen.astype(np.uint32)]
+    if kind == "tsdf":
+        columns = [columns[0], seen.astype(np.float32).view(np.uint32), np.zeros_like(columns[0])]
+    return np.stack([column.transpose(2, 1, 0).ravel() for column in columns], axis=1).ravel().tolist()
+
+
+@pytest.mark.parametrize(
+    ("kind", "occupied", "free"), [("esdf", 0.04, 0.05), ("tsdf", 0.08, 0.09), ("occupancy", 0.6, -0.9)]
+)
+def test_a_layer_is_the_map_that_it_states(tmp_path: Path, kind: str, occupied: float, free: float) -> None:
+    rng = np.random.default_rng(2)
+    wanted = rng.choice(3, (SIDE,) * 3).astype(np.uint8)
+    values = np.choose(wanted, [occupied, free, occupied])
+    layer = tmp_path / "layer.vxblx"
+    layer.write_bytes(hand_written_layer(kind, words(kind, values, wanted != UNKNOWN)))
+    found = voxblox_file.read(layer)
+    assert {UNKNOWN: 0, FREE: 1, OCCUPIED: 2} == {0: 0, 1: 1, 2: 2}  # as `np.choose` takes them
+    np.testing.assert_array_equal(found.state, wanted)
+    np.testing.assert_allclose(found.grid.origin_world_m, (-0.8, 0.0, 1.6))
+    assert found.grid.voxel_m == (0.1, 0.1, 0.1)
+
+
+def test_what_is_exported_comes_back_voxel_for_voxel(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    state = rng.choice(3, size=(37, 20, 9), p=[0.1, 0.85, 0.05]).astype(np.uint8)
+    field = build(state, Grid((-0.7, 1.3, -0.2), 0.1, state.shape), cap_m=0.45)
+    export_layer(tmp_path / "a.vxblx", field)
+    back = voxblox_file.read(tmp_path / "a.vxblx")
+    first = np.rint((field.grid.low_world_m - back.grid.low_world_m) / 0.1).astype(int)
+    place = tuple(slice(a, a + n) for a, n in zip(first, state.shape, strict=True))
+    np.testing.assert_array_equal(back.state[place], state)
+    assert (back.state != UNKNOWN).sum() == (state != UNKNOWN).sum()
+
+
+@pytest.mark.parametrize("damage", ["none", "cut", "unseen", "far"])
+def test_what_is_no_map_is_refused_by_name(tmp_path: Path, damage: str) -> None:
+    layer, whole = tmp_path / "a.vxblx", np.ones((SIDE,) * 3)
+    data = hand_written_layer("esdf", words("esdf", whole, whole * (damage != "unseen")))
+    if damage == "far":
+        data = hand_written_layer("esdf", words("esdf", whole, whole), origin=(5e7, 0.0, 0.0))
+    if damage != "none":
+        layer.write_bytes(data[: 200 if damage == "cut" else None])
+    with pytest.raises(FlightError, match=r"a\.vxblx"):
+        voxblox_file.read(layer)
