@@ -139,5 +139,9 @@ def _is_whole(file: Path) -> bool:
 
 def _write(file: Path, answer: Arrays) -> None:
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-        np.savez(part, allow_pickle=False, **answer)
+        try:
+            np.savez(part, allow_pickle=False, **answer)
+        except BaseException:  # no space is left, say: what is there of it would take the more
+            os.unlink(part.name)
+            raise
     os.replace(part.name, file)

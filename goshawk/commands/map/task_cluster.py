@@ -1,6 +1,7 @@
 """Tasks of a map by the workers of a Dask cluster: they are sent what they need, and read no files."""
 
 import pickle
+import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -43,7 +44,8 @@ class DaskWorkers:
                 raise answer
             take(task[0], answer)
 
-        with cluster.connected(self.scheduler) as client:
+        with warnings.catch_warnings(), cluster.connected(self.scheduler) as client:
+            warnings.filterwarnings("ignore", "Sending large graph")  # images, which the workers need
             for task in cluster.each(client, tasks, submit, answered, progress):
                 if cluster.each(client, [task], submit, answered, progress):
                     raise ClusterError(
