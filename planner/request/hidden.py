@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from flight import FloatArray, InputError, Trajectory
 
@@ -21,7 +20,7 @@ _STEP_S = 0.01
 class SeenSpace(Protocol):
     """What knows how well each place was seen."""
 
-    def hidden_share(self, points_world_m: ArrayLike) -> FloatArray: ...
+    def hidden_share(self, points_world_m: FloatArray) -> FloatArray: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -41,7 +41,7 @@ def test_a_layer_is_the_map_that_it_states(tmp_path: Path, kind: str, occupied: 
 def test_what_is_exported_comes_back_voxel_for_voxel(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     state = rng.choice(3, size=(37, 20, 9), p=[0.1, 0.85, 0.05]).astype(np.uint8)
-    field = build(state, Grid((-0.7, 1.3, -0.2), 0.1, state.shape), cap_m=0.45)
+    field = build(state, Grid((-0.7, 1.3, -0.2), (0.1, 0.1, 0.1), state.shape), cap_m=0.45)
     export_layer(tmp_path / "a.vxblx", field)
     back = voxblox_file.read(tmp_path / "a.vxblx")
     first = np.rint((field.grid.low_world_m - back.grid.low_world_m) / 0.1).astype(int)

@@ -74,7 +74,8 @@ class Middle:
     """A block in the way that no image shows, a metre to each side of it."""
 
     def hidden_share(self, points_world_m: FloatArray) -> FloatArray:
-        return (np.abs(np.asarray(points_world_m)[:, :2]) < 1.0).all(axis=1).astype(np.float64)
+        inside = np.abs(np.asarray(points_world_m)[:, :2]) < 1.0
+        return np.asarray(inside.all(axis=1), np.float64)
 
 
 def test_a_line_pays_for_the_part_of_it_that_is_hidden():
