@@ -14,7 +14,9 @@ from mapping.sparse.mapper import matched_pairs
 from mapping.workers import Threads
 
 pycolmap = pytest.importorskip("pycolmap")
-IMAGES, POINTS, SEED = 5, 300, 3
+IMAGES, POINTS, SEED = 6, 300, 3
+FEW, AT_RANDOM = 8, 24
+"""Points that the last but one and the last image show, elsewhere than they are."""
 
 
 def lens(*focal_px: float) -> Any:
@@ -26,7 +28,7 @@ def lens(*focal_px: float) -> Any:
 
 @pytest.fixture(scope="module")
 def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Images of one camera along a line, of points with descriptors; the last image shows something else."""
+    """Images of one camera along a line, of points with descriptors; the last two show something else."""
     rng = np.random.default_rng(1)
     points = rng.uniform([-2.0, -2.0, 4.0], [2.0, 2.0, 9.0], (POINTS, 3))
     looks = rng.integers(0, 120, (POINTS, 128))
@@ -42,8 +44,10 @@ def database(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shown = rng.permutation(shown)
             pixels = pixels[shown] + 0.3 * rng.normal(size=(len(shown), 2))
             seen = np.clip(looks[shown] + rng.integers(-4, 5, (len(shown), 128)), 0, 255)
-            if number == IMAGES - 1:
-                seen = rng.integers(0, 120, seen.shape)
+            if number >= IMAGES - 2:
+                kept = FEW if number == IMAGES - 2 else AT_RANDOM
+                seen[kept:] = rng.integers(0, 120, (len(seen) - kept, 128))
+                pixels = rng.uniform([0.0, 0.0], [640.0, 480.0], pixels.shape)
             image = opened.write_image(pycolmap.Image(name=f"{number}.png", keypoints=np.zeros((0, 2)), camera_id=1))
             opened.write_keypoints(image, pixels.astype(np.float32))
             kind = pycolmap.FeatureExtractorType.SIFT
@@ -84,7 +88,10 @@ def test_pairs_are_verified_as_colmap_verifies_them(database: Path, tmp_path: Pa
     found = ours(database, tmp_path)
     assert found == written(theirs)
     assert sum(row[1] >= 50 for row in found["two_view_geometries"]) == 6  # of the four images that belong together
-    assert sum(row[1] == 0 for row in found["two_view_geometries"]) == 4
+    assert sum(row[1] == 0 for row in found["two_view_geometries"]) == 9
+    matches = [row[1] for row in found["matches"]]
+    assert sum(count == 0 for count in matches) == 5  # too few of them
+    assert sum(15 <= count <= AT_RANDOM for count in matches) == 4  # enough, of which too few agree
 
 
 def test_an_interrupted_matching_goes_on_with_the_tasks_that_are_left(
@@ -110,7 +117,7 @@ def test_an_interrupted_matching_goes_on_with_the_tasks_that_are_left(
     assert done == [0, 1]
     Interrupted.most = 9
     found = ours(database, tmp_path, Interrupted(1))
-    assert done == [0, 1, 2, 3]
+    assert done == [0, 1, 2, 3, 4]
     (tmp_path / "whole").mkdir()
     assert found == ours(database, tmp_path / "whole")
 

@@ -54,6 +54,31 @@ def test_of_two_doors_as_far_away_the_seen_one_is_taken(two_doors, sign, price):
     assert all(line.free for line in lines)
 
 
+class InDoor:
+    """Only the door on one side was not well seen."""
+
+    def __init__(self, sign: float) -> None:
+        self.sign = sign
+
+    def hidden_share(self, points_world_m: FloatArray) -> FloatArray:
+        x, y, _ = np.asarray(points_world_m).T
+        return np.asarray((np.abs(x) < 0.4) & (self.sign * y > 0.5), np.float64)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_door_that_was_not_seen_is_left_for_the_other_where_all_before_it_was(two_doors, sign):
+    found = way(two_doors, HiddenPrice(0.1, InDoor(sign)))
+    assert (sign * found[:, 1]).min() < -1.0
+
+
+def test_a_way_that_counts_more_than_a_free_straight_line_is_not_taken():
+    straight, hidden = np.array([START, GOAL]), HiddenPrice(5.0, Nowhere())
+    longer = np.array([START, (0.0, 1.0, 1.0), GOAL])
+    assert routes._cheaper(None, straight, hidden) is straight
+    assert routes._cheaper(longer, straight, hidden) is straight
+    assert routes._cheaper(straight, longer, hidden) is straight
+
+
 def test_where_all_is_well_seen_a_price_changes_nothing(two_doors):
     assert np.array_equal(way(two_doors, HiddenPrice(5.0, Nowhere())), way(two_doors, None))
 
