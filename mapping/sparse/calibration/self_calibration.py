@@ -21,7 +21,6 @@ from mapping.camera.rig import Camera, Rig
 from mapping.input.images import ImageSet
 from mapping.sparse.mapper import colmap, colmap_model
 from mapping.sparse.mapper.colmap import SparseOptions
-from mapping.workers import Threads
 
 logger = logging.getLogger(__name__)
 
@@ -94,8 +93,7 @@ def _tried(database: Path, images: ImageSet, signatures: list[np.ndarray], progr
     with pycolmap.Database.open(database) as opened:
         opened.update_camera(colmap_model.colmap_camera(start, camera_id=1))
         opened.clear_two_view_geometries()
-    with tempfile.TemporaryDirectory(dir=database.parent) as tasks:
-        colmap.match(database, images, signatures, _OPTIONS, progress, tasks=Path(tasks), pool=Threads())
+    colmap.match(database, images, signatures, _OPTIONS, progress)
     try:
         model = colmap.place(database, images, _OPTIONS, progress)
         colmap.refine(database, model, images.rig, _OPTIONS, progress)

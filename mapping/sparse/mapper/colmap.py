@@ -5,6 +5,7 @@ import dataclasses
 import json
 import logging
 import shutil
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +20,7 @@ from mapping.sparse.features import features, repetition
 from mapping.sparse.mapper import agreement, colmap_model, growth, known_poses, matched_pairs, pairing, rgbd
 from mapping.sparse.mapper.known_poses import KnownPoses
 from mapping.stages import Work
-from mapping.workers import Pool
+from mapping.workers import Pool, Threads
 
 logger = logging.getLogger(__name__)
 
@@ -209,18 +210,23 @@ def match(
     options: SparseOptions,
     progress: Progress,
     *,
-    tasks: Path,
-    pool: Pool,
+    tasks: Path | None = None,
+    pool: Pool | None = None,
 ) -> None:
     """Match neighbours in time, the cameras of the rig with each other, and similar images anywhere.
 
     Args:
-        tasks: keeps what is done if this is interrupted.
+        tasks: folder that keeps what is done if this is interrupted; None: nothing is kept.
+        pool: threads of this process by default.
     """
     near = pairing.near_in_space(images, options.window)
     pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
     names = [(images.relative(*a), images.relative(*b)) for a, b in pairs]
-    matched_pairs.write(database, names, seed=options.seed, folder=tasks, pool=pool, progress=progress)
+    with contextlib.ExitStack() as kept:
+        folder = tasks or Path(kept.enter_context(tempfile.TemporaryDirectory(dir=database.parent)))
+        matched_pairs.write(
+            database, names, seed=options.seed, folder=folder, pool=pool or Threads(), progress=progress
+        )
 
 
 def place_beside(
