@@ -66,11 +66,14 @@ def export_layer(path: Path, field: Field) -> None:
     file_format.write_bytes(Path(path), _varint(1 + len(blocks)) + body)
 
 
-def import_layer(path: Path) -> Layer:
+def import_layer(path: Path, *, at_most: int | None = None) -> Layer:
     """Read a voxblox layer.
 
+    Args:
+        at_most: voxels of the box about all blocks, which need not be near each other; None: no bound.
+
     Raises:
-        InputError: there is no such file.
+        InputError: there is no such file, or the box has more voxels.
         FormatError: it is cut off, not a voxblox layer, or of a type this does not read.
     """
     try:
@@ -89,6 +92,13 @@ def import_layer(path: Path) -> Layer:
             raise ValueError("it holds no block")
     except (IndexError, KeyError, ValueError, TypeError, struct.error) as error:
         raise FormatError(f"{path} is not a whole voxblox layer: {error}") from error
+    corners = np.array([corner for corner, _ in blocks])
+    voxels = float(np.prod(np.ptp(corners, axis=0) + float(side)))
+    if at_most is not None and voxels > at_most:
+        raise InputError(
+            f"{path}: its blocks span {voxels / 1e6:,.0f} million voxels, at most {at_most / 1e6:g} million are read: "
+            "cut the map"
+        )
     return _assemble(kind, voxel, side, blocks)
 
 

@@ -28,7 +28,7 @@ def read(path: Path) -> Space:
         raise errors.missing(path)
     if (size := path.stat().st_size) > _MOST_BYTES:
         raise InputError(f"{path} has {size / 1e9:.1f} GB, at most {_MOST_BYTES / 1e9:g} GB are read: cut the map")
-    layer = import_layer(path)
+    layer = import_layer(path, at_most=MOST_TRACED)
     reach.require_near_origin(np.stack([layer.grid.low_world_m, layer.grid.high_world_m]), str(path))
     require_few(layer.grid, f"cut {path.name}, or make it coarser", at_most=MOST_TRACED)
     state = _states(layer)

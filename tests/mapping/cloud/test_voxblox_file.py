@@ -7,11 +7,12 @@ import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid, build
 from esdf.exchange_voxblox import export_layer
-from flight import FlightError
+from flight import FlightError, InputError
 from mapping.cloud import voxblox_file
 from tests.esdf.test_exchange import hand_written_layer
 
 SIDE = 8
+FAR = ((0.0, 0.0, 0.0), (800.0, 800.0, 800.0))
 
 
 def words(kind: str, values: np.ndarray, seen: np.ndarray) -> list[int]:
@@ -48,6 +49,16 @@ def test_what_is_exported_comes_back_voxel_for_voxel(tmp_path: Path) -> None:
     place = tuple(slice(a, a + n) for a, n in zip(first, state.shape, strict=True))
     np.testing.assert_array_equal(back.state[place], state)
     assert (back.state != UNKNOWN).sum() == (state != UNKNOWN).sum()
+
+
+def test_blocks_far_apart_are_refused_before_memory_is_taken(tmp_path: Path) -> None:
+    blocks = [
+        hand_written_layer("esdf", words("esdf", np.ones((SIDE,) * 3), np.ones((SIDE,) * 3)), origin=o) for o in FAR
+    ]
+    second = blocks[1].index(b"\x08\x08\x11") - 2  # its length, before the block
+    (tmp_path / "a.vxblx").write_bytes(b"\x03" + blocks[0][1:] + blocks[1][second:])
+    with pytest.raises(InputError, match="million voxels"):
+        voxblox_file.read(tmp_path / "a.vxblx")
 
 
 @pytest.mark.parametrize("damage", ["none", "cut", "unseen", "far"])

@@ -39,7 +39,9 @@ def done(made: Cluster, folder: Path, numbers: list[int]) -> list[dict[str, np.n
 
 
 @pytest.fixture
-def two(tmp_path: Path):
+def two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Two workers; a task that ends one is not tried by others."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
     (tmp_path / "dask").mkdir()
     root = str(Path(__file__).parents[4])
     with cluster(tmp_path / "dask", 0) as made:
