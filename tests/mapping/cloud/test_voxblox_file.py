@@ -52,9 +52,8 @@ def test_what_is_exported_comes_back_voxel_for_voxel(tmp_path: Path) -> None:
 
 
 def test_blocks_far_apart_are_refused_before_memory_is_taken(tmp_path: Path) -> None:
-    blocks = [
-        hand_written_layer("esdf", words("esdf", np.ones((SIDE,) * 3), np.ones((SIDE,) * 3)), origin=o) for o in FAR
-    ]
+    whole = np.ones((SIDE,) * 3)
+    blocks = [hand_written_layer("esdf", words("esdf", whole, whole), origin=place) for place in FAR]
     second = blocks[1].index(b"\x08\x08\x11") - 2  # its length, before the block
     (tmp_path / "a.vxblx").write_bytes(b"\x03" + blocks[0][1:] + blocks[1][second:])
     with pytest.raises(InputError, match="million voxels"):
