@@ -13,12 +13,13 @@ from mapping.imported import MOST_TRACED, Space, require_few
 
 SUFFIX = ".vxblx"
 _MOST_BYTES = 2_000_000_000
-_ON_SURFACE = 0.499
-"""Distance in voxels up to which a voxel of an ESDF holds a surface: beside a wall of whole voxels it is one half."""
 
 
 def read(path: Path) -> Space:
     """The voxels of a layer, in metres with z up; what it did not observe is unknown.
+
+    Voxels of a TSDF or ESDF are occupied up to half their diagonal from a surface, which may pass through those. So what
+    is not free in a map that was exported has grown by the voxels about it: its distances are those to the unknown too.
 
     Raises:
         InputError: there is no such file, it is too large, or lies too far from the origin.
@@ -38,8 +39,6 @@ def read(path: Path) -> Space:
 
 
 def _states(layer: Layer) -> StateArray:
-    if layer.kind == "tsdf":
-        return observe.state_from_tsdf(layer.value, layer.weight, layer.grid)
     if layer.kind == "occupancy":
         return observe.state_from_occupancy(1.0 / (1.0 + np.exp(-layer.value.astype(np.float64))), layer.grid)
-    return observe.state_from_tsdf(layer.value, layer.weight, layer.grid, margin_m=_ON_SURFACE * layer.grid.voxel_m[0])
+    return observe.state_from_tsdf(layer.value, layer.weight, layer.grid)

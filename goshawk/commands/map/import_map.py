@@ -164,7 +164,8 @@ def import_(
     axes, of the sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
     Several FILEs are scans in one frame, each with its own place.
 
-    An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so.
+    An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so. Of
+    distances, voxels within half their diagonal of a surface are occupied: a map that was exported comes back thicker.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
