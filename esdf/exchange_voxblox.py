@@ -3,8 +3,9 @@
 A file is the number of messages, then each with its length in front, as varints: one LayerProto (1 voxel_size: double,
 2 voxels_per_side: uint32, 3 type: string), then BlockProtos (1 voxels_per_side, 2 voxel_size, 3-5 origin: doubles,
 6 has_data, 7 voxel_data: repeated uint32). Voxels run x fastest. Words per voxel: "tsdf": distance, weight (floats),
-RGBA; "esdf": distance (float), flags (bit 0 observed, bit 3 fixed; the upper bytes, the parent, are 0);
-"occupancy": log-odds (float), observed. Lattices start at multiples of the voxel in the world.
+RGBA; "esdf": distance (float), flags (bit 0 observed, 1 hallucinated, 3 fixed; the upper bytes, the parent, are 0);
+"occupancy": log-odds (float), observed. Lattices start at multiples of the voxel in the world. A hallucinated voxel,
+one that voxblox' planners assume free or occupied about the robot, counts as not observed.
 """
 
 import math
@@ -21,7 +22,7 @@ from esdf.grid import UNKNOWN, Grid
 from flight import FormatError, InputError, errors, file_format
 
 WORDS = {"tsdf": 3, "esdf": 2, "occupancy": 2}
-OBSERVED, FIXED = 1, 8
+OBSERVED, HALLUCINATED, FIXED = 1, 2, 8
 SIDE = 16
 DATA = 0x38  # tag of one voxel_data word
 
@@ -113,7 +114,8 @@ def _assemble(kind: str, voxel: float, side: int, blocks: list[tuple[NDArray[np.
         if kind == "tsdf":
             seen = np.ascontiguousarray(words[..., 1]).view(np.float32)
         else:
-            seen = (words[..., 1] & OBSERVED).astype(np.float32)
+            flags = words[..., 1] & (OBSERVED | (HALLUCINATED if kind == "esdf" else 0))
+            seen = (flags == OBSERVED).astype(np.float32)
         value[place] = np.where(seen > 0, np.ascontiguousarray(words[..., 0]).view(np.float32), np.nan)
         weight[place] = seen
     return Layer(kind, grid, value, weight)

@@ -53,6 +53,18 @@ def test_a_pole_thinner_than_its_voxels_stays_in_a_layer_of_centre_distances(tmp
     assert (state == OCCUPIED).sum() == 4 * SIDE
 
 
+@pytest.mark.parametrize(("flags", "seen"), [(0, False), (1, True), (2, False), (3, False), (8, False), (9, True)])
+def test_what_voxblox_only_assumes_about_the_robot_stays_unknown(tmp_path: Path, flags: int, seen: bool) -> None:
+    """Flags of an ESDF's voxel: 1 observed, 2 hallucinated, 8 fixed; one voxel of the block is plainly observed."""
+    given = np.full((SIDE,) * 3, flags)
+    given[0, 0, 0] = 1
+    layer = tmp_path / "a.vxblx"
+    layer.write_bytes(hand_written_layer("esdf", words("esdf", np.full((SIDE,) * 3, 2.0), given)))
+    state = voxblox_file.read(layer).state
+    assert state[0, 0, 0] == FREE
+    assert (state.ravel()[1:] == (FREE if seen else UNKNOWN)).all()
+
+
 def test_what_is_exported_comes_back_with_what_is_not_free_grown_by_the_voxels_about_it(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     state = rng.choice(3, size=(37, 20, 9), p=[0.003, 0.994, 0.003]).astype(np.uint8)
