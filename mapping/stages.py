@@ -122,7 +122,7 @@ def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) 
     with _locked(folder) as lock:  # a child process that inherited it holds the lock on
         _remove_unfinished(folder, again)  # of a killed run
         try:
-            yield Work(folder, _program(), lock.fileno(), until)
+            yield Work(folder, program(), lock.fileno(), until)
         except StoppedError:
             raise
         except Exception as error:
@@ -169,15 +169,21 @@ def _taken(lock: int, path: Path) -> bool:
 
 
 @functools.cache
-def _program() -> bytes:
+def program() -> bytes:
     """What else a stage depends on: this package's files, and the libraries that do the work."""
-    whole = hashlib.sha256()
-    for library in _LIBRARIES:
-        with contextlib.suppress(metadata.PackageNotFoundError):  # Open3D has one of two names
-            whole.update(f"{library} {metadata.version(library)}\n".encode())
+    whole = hashlib.sha256("".join(f"{name} {version}\n" for name, version in libraries().items()).encode())
     for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(_mapping.__file__)):
         whole.update(file.read_bytes())
     return whole.digest()
+
+
+def libraries() -> dict[str, str]:
+    """Versions of the packages that a result depends on, by name."""
+    found = dict[str, str]()
+    for library in _LIBRARIES:
+        with contextlib.suppress(metadata.PackageNotFoundError):  # Open3D has one of two names
+            found[library] = metadata.version(library)
+    return found
 
 
 @contextlib.contextmanager

@@ -83,13 +83,13 @@ def test_what_was_done_of_an_interrupted_stage_is_found_again_if_its_inputs_are_
 @pytest.mark.parametrize("library", ["pycolmap", "open3d-cpu", "scipy"])
 def test_another_version_of_a_library_makes_every_stage_again(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     version = metadata.version
-    before = stages._program()
+    before = stages.program()
     monkeypatch.setattr(metadata, "version", lambda name: "0" if name == library else version(name))
-    stages._program.cache_clear()
-    assert stages._program() != before
+    stages.program.cache_clear()
+    assert stages.program() != before
     monkeypatch.undo()
-    stages._program.cache_clear()
-    assert stages._program() == before
+    stages.program.cache_clear()
+    assert stages.program() == before
 
 
 def test_a_changed_input_makes_what_depends_on_it_again(tmp_path: Path) -> None:
@@ -238,7 +238,7 @@ def test_another_version_of_the_program_makes_every_stage_again(
 ) -> None:
     made: list[str] = []
     for version in (b"1", b"1", b"2"):
-        monkeypatch.setattr(stages, "_program", lambda version=version: version)
+        monkeypatch.setattr(stages, "program", lambda version=version: version)
         with stages.begin(tmp_path / "w") as work:
             work.stage("first", count(made, "first"))
     assert made == ["first", "first"]

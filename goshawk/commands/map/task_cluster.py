@@ -1,6 +1,7 @@
 """Tasks of a map by the workers of a Dask cluster: they are sent what they need, and read no files."""
 
 import pickle
+import socket
 import warnings
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 from flight import FlightError, InputError, Progress
 from goshawk.commands.plan import cluster
 from goshawk.commands.plan.cluster import ClusterError, UnlikeWorkerError
+from mapping import stages
 from mapping.workers import Arrays, Task
 
 
@@ -34,12 +36,14 @@ class DaskWorkers:
             FlightError: as raised by `work`.
         """
 
+        here = (cluster.installed(), stages.libraries(), stages.program())
+
         def submit(task: tuple[int, Task]) -> Any:
-            return client.submit(work_there, cluster.installed(), pickle.dumps((work, task[1])), pure=False)
+            return client.submit(work_there, here, pickle.dumps((work, task[1])), pure=False)
 
         def answered(task: tuple[int, Task], answer: Any) -> None:
             if isinstance(answer, UnlikeWorkerError):
-                raise InputError(f"{answer}; the workers need the same Goshawk")
+                raise InputError(f"{answer}; the workers need the same Goshawk and libraries")
             if isinstance(answer, FlightError):
                 raise answer
             take(task[0], answer)
@@ -54,17 +58,36 @@ class DaskWorkers:
                     )
 
 
-def work_there(installed_here: str, sent: bytes) -> Arrays | FlightError:
+Program = tuple[str, dict[str, str], bytes]
+"""What an answer depends on beside its task: `cluster.installed`, `stages.libraries` and `stages.program`."""
+
+
+def work_there(asking: Program, sent: bytes) -> Arrays | FlightError:
     """On a worker: do one task.
 
     Args:
-        installed_here: what `cluster.installed` says in the process that asks.
+        asking: of the process that asks.
         sent: the pickled function and its arguments.
     """
     try:
-        cluster.require_same(installed_here)  # before what is of another Goshawk is read
+        _require_same(*asking)  # before what is of another Goshawk is read
         work, task = pickle.loads(sent)
         answer: Arrays = work(*task)
     except FlightError as error:
         return error
     return answer
+
+
+def _require_same(installed: str, libraries: dict[str, str], program: bytes) -> None:
+    """
+    Raises:
+        UnlikeWorkerError: this process would give other answers than the one that asks.
+    """
+    cluster.require_same(installed)
+    mine, host = stages.libraries(), socket.gethostname()
+    for name in sorted(mine.keys() | libraries.keys()):
+        if mine.get(name) != libraries.get(name):
+            has, wants = (versions.get(name, "none") for versions in (mine, libraries))
+            raise UnlikeWorkerError(f"the worker on {host} has {name} {has}, not {wants}")
+    if stages.program() != program:
+        raise UnlikeWorkerError(f"the worker on {host} has another build of the same sources: install one wheel on each")

@@ -72,6 +72,19 @@ def test_a_worker_of_another_goshawk_is_refused(two, tmp_path, monkeypatch):
         done(two, tmp_path / "tasks", [1, 2])
 
 
+def test_a_worker_of_other_libraries_or_another_build_is_refused(two, tmp_path, monkeypatch):
+    """Its answers would be kept as those of this machine's."""
+    here = stages.libraries()
+    monkeypatch.setattr(stages, "libraries", lambda: here | {"opencv-python-headless": "4.1"})
+    with pytest.raises(InputError, match=rf"has opencv-python-headless {here['opencv-python-headless']}, not 4\.1; the"):
+        done(two, tmp_path / "tasks", [1, 2])
+    monkeypatch.undo()
+    monkeypatch.setattr(stages, "program", lambda: b"a stale kernel")
+    with pytest.raises(InputError, match="another build of the same sources"):
+        done(two, tmp_path / "tasks", [1, 2])
+    assert not list((tmp_path / "tasks").iterdir())
+
+
 def test_an_address_without_a_scheduler_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:1: no Dask scheduler answers there"):
