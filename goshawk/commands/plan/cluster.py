@@ -85,7 +85,7 @@ def each(
 ) -> list[T]:
     """Submit every item, and take what each gave; those whose workers ended again and again are returned instead.
 
-    After Ctrl-C, or an `InputError` of `take`, what had begun is waited for and taken.
+    After Ctrl-C, or an `InputError` of `items` or `take`, what had begun is waited for and taken.
 
     Args:
         submit: sends an item with `client.submit`; returns its future.
@@ -99,7 +99,9 @@ def each(
     try:
         while True:
             room = _threads(client, progress) - len(running)
-            running |= {submit(item): item for item in islice(todo, max(room, 0))}
+            for item in islice(todo, max(room, 0)):
+                future = submit(item)
+                running[future] = item  # at once: the next may be interrupted, or bad input
             if not running:
                 return lost
             _take_ended(client, running, lost, take)
