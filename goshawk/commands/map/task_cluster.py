@@ -32,7 +32,7 @@ class DaskWorkers:
 
         Raises:
             InputError: no scheduler answers at the address, or a worker is unlike this process.
-            ClusterError: the scheduler was lost, there is no worker, or a task ends its workers.
+            ClusterError: the scheduler was lost, there is no worker, or a task fails or ends its workers.
             FlightError: as raised by `work`.
         """
 
@@ -75,7 +75,15 @@ def work_there(asking: Program, sent: bytes) -> Arrays | FlightError:
         answer: Arrays = work(*task)
     except FlightError as error:
         return error
+    except MemoryError as error:
+        return ClusterError(f"{_whose(error)}; give the workers more memory, or fewer threads")
+    except Exception as error:
+        return ClusterError(_whose(error))
     return answer
+
+
+def _whose(error: Exception) -> str:
+    return f"a task failed on the worker on {socket.gethostname()}: {type(error).__name__}: {error}"
 
 
 def _require_same(installed: str, libraries: dict[str, str], program: bytes) -> None:

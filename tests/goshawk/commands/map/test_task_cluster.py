@@ -1,15 +1,21 @@
 """Tasks of a map on a Dask cluster whose parts fail; `goshawk map build --scheduler` makes the map of one machine."""
 
 import os
+import pickle
+import re
 import signal
+import socket
+import time
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 import mapping
 from flight import InputError, MapError, silent
+from goshawk.commands.map import task_cluster
 from goshawk.commands.map.task_cluster import DaskWorkers
 from goshawk.commands.plan import cluster as dask_cluster
 from goshawk.rendered import world as rendered_world
@@ -21,11 +27,17 @@ pytest.importorskip("distributed", reason="Dask is an optional engine")
 
 
 def squared(number: int) -> dict[str, np.ndarray]:
-    """A task; one ends its worker, one is bad input."""
+    """A task; one ends its worker, one is bad input, one takes too much, one is a library's error."""
     if number == 13:
         os.kill(os.getpid(), signal.SIGKILL)
     if number == 17:
         raise MapError("17 cannot be squared")
+    if number == 19:
+        raise MemoryError("Unable to allocate 4.39 GiB")
+    if number == 23:
+        cv2.resize(np.zeros((0, 0), np.uint8), (3, 3))
+    if number == 29:
+        time.sleep(0.5)
     return {"square": np.array(number**2), "pid": np.array(os.getpid())}
 
 
@@ -57,6 +69,30 @@ def test_tasks_are_divided_among_workers_and_an_error_is_that_of_its_task(two, t
     with pytest.raises(MapError, match="17 cannot be squared"):
         done(two, tmp_path / "bad", [1, 17])
     assert (tmp_path / "bad" / "000000.npz").exists()
+
+
+@pytest.mark.parametrize(("number", "said"), [(19, "MemoryError: Unable.*more memory"), (23, "error: OpenCV")])
+def test_an_error_of_a_library_is_named_with_its_machine(number: int, said: str) -> None:
+    """What runs on a worker runs here."""
+    here = (dask_cluster.installed(), stages.libraries(), stages.program())
+    found = task_cluster.work_there(here, pickle.dumps((squared, (number,))))
+    assert isinstance(found, dask_cluster.ClusterError)
+    assert re.search(rf"^a task failed on the worker on {re.escape(socket.gethostname())}: {said}", str(found))
+
+
+def test_what_was_sent_before_bad_input_is_waited_for_and_kept(two, tmp_path):
+    """Of tasks that are sent in one round, the second cannot be read."""
+
+    def task(number: int) -> tuple[int]:
+        if number:
+            raise InputError("image 1 cannot be read")
+        return (29,)
+
+    pool = DaskWorkers(two.address)
+    done(two, tmp_path / "warm", [1, 2, 3, 4])  # both workers are there
+    with pytest.raises(InputError, match="image 1 cannot be read"):
+        workers.files_of(squared, 2, task, folder=tmp_path, pool=pool, stage="squaring", progress=silent)
+    assert int(workers.arrays(tmp_path / "000000.npz")["square"]) == 29**2
 
 
 def test_a_task_that_ends_its_workers_is_named_and_the_others_are_done(two, tmp_path):
