@@ -118,7 +118,8 @@ def files_of(
         progress(stage, done / count)
 
     progress(stage, done / max(count, 1))
-    pool.each(work, ((number, task(number)) for number in asked), take, progress)
+    if asked:  # else nobody need be there
+        pool.each(work, ((number, task(number)) for number in asked), take, progress)
     return files
 
 

@@ -89,8 +89,10 @@ class Counting(workers.Threads):
     def __init__(self) -> None:
         super().__init__(2)
         self.given: list[int] = []
+        self.asked = 0
 
     def each(self, work, tasks, take, progress=silent) -> None:
+        self.asked += 1
         chosen = list(tasks)
         self.given += [number for number, _ in chosen]
         super().each(work, chosen, take, progress)
@@ -100,6 +102,7 @@ def files(folder: Path, count: int = 5) -> tuple[list[float], list[int]]:
     """The answers of tasks, and which were given to threads."""
     pool = Counting()
     found = workers.files_of(halved, count, lambda k: (k,), folder=folder, pool=pool, stage="halving", progress=silent)
+    assert pool.asked == bool(pool.given)  # workers that have nothing to do need not be there
     return [float(workers.arrays(file).get("half", [0.0])[0]) for file in found], pool.given
 
 

@@ -151,6 +151,8 @@ def build(
     )
     rig = mapping.rig.load(camera)
     pool = task_cluster.DaskWorkers(scheduler) if scheduler is not None else None
+    if pool is not None:
+        pool.require_scheduler()
     report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until, pool=pool)
     if report is not None:
         return _show(report, out, as_json=as_json)

@@ -21,6 +21,16 @@ class DaskWorkers:
     scheduler: str
     """Its address."""
 
+    def require_scheduler(self) -> None:
+        """Check the address before any long work.
+
+        Raises:
+            InputError: no scheduler answers there.
+            ModuleNotFoundError: Dask is not installed.
+        """
+        with cluster.connected(self.scheduler):
+            pass
+
     def each(
         self,
         work: Callable[..., Arrays],

@@ -127,6 +127,17 @@ def test_an_address_without_a_scheduler_is_named(tmp_path, monkeypatch):
         DaskWorkers("tcp://127.0.0.1:1").each(squared, iter([(0, (1,))]), lambda *_: None, silent)
 
 
+def test_a_wrong_address_is_told_before_the_images_are_looked_at(tmp_path, monkeypatch):
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
+    mapping.rig.save(tmp_path / "camera.toml", rendered_world.default_rig(0.5))
+    (tmp_path / "images").mkdir()
+    call = ("map", "build", tmp_path / "images", "--camera", tmp_path / "camera.toml", "--out", tmp_path / "map")
+    found = goshawk(*call, "--scheduler", "tcp://127.0.0.1:1")
+    assert found.returncode == 2
+    assert "no Dask scheduler answers there" in found.stderr
+    assert not (tmp_path / "map.work").exists()
+
+
 @pytest.mark.slow
 def test_one_and_two_workers_make_the_map_that_this_machine_makes(tmp_path):
     """And a run whose scheduler is lost goes on where it was."""
