@@ -5,7 +5,6 @@ answers. Each answer is a file, so that an interrupted work goes on with the tas
 """
 
 import os
-import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -130,19 +129,22 @@ def arrays(file: Path) -> dict[str, np.ndarray]:
 
 
 def _is_whole(file: Path) -> bool:
-    """Whether the file of a task is there and not cut off."""
+    """Whether the file of a task is there, and all of it as it was written: a power cut may leave holes."""
     try:
-        with np.load(file, allow_pickle=False):
-            return True
+        arrays(file)
+        return True
     except (OSError, ValueError, EOFError, BadZipFile):
         return False
 
 
 def _write(file: Path, answer: Arrays) -> None:
-    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-        try:
-            np.savez(part, allow_pickle=False, **answer)
-        except BaseException:  # no space is left, say: what is there of it would take the more
-            os.unlink(part.name)
-            raise
-    os.replace(part.name, file)
+    part = file.with_name(f"{file.name}.part")
+    try:
+        with open(part, "wb") as opened:
+            np.savez(opened, allow_pickle=False, **answer)
+            opened.flush()
+            os.fsync(opened.fileno())
+    except BaseException:  # no space is left, say: what is there of it would take the more
+        part.unlink(missing_ok=True)
+        raise
+    part.replace(file)

@@ -106,7 +106,8 @@ def files(folder: Path, count: int = 5) -> tuple[list[float], list[int]]:
     return [float(workers.arrays(file).get("half", [0.0])[0]) for file in found], pool.given
 
 
-def test_tasks_that_are_done_are_not_done_again_and_a_file_that_was_cut_off_is(tmp_path: Path) -> None:
+def test_tasks_that_are_done_are_not_done_again_and_files_that_are_damaged_are(tmp_path: Path) -> None:
+    (tmp_path / "inputs").touch()
     whole = [0.0, 0.5, 1.0, 1.5, 2.0]
     assert files(tmp_path) == (whole, [0, 1, 2, 3, 4])
     assert files(tmp_path) == (whole, [])
@@ -114,6 +115,13 @@ def test_tasks_that_are_done_are_not_done_again_and_a_file_that_was_cut_off_is(t
     cut = tmp_path / "000003.npz"
     cut.write_bytes(cut.read_bytes()[:30])
     assert files(tmp_path) == (whole, [1, 3])
+    hole = bytearray(cut.read_bytes())
+    value = hole.index(np.float64(1.5).tobytes())
+    hole[value : value + 8] = bytes(8)  # as a power cut leaves it; the archive's directory is whole
+    cut.write_bytes(hole)
+    assert files(tmp_path) == (whole, [3])
+    assert cut.stat().st_mode & 0o044 == (tmp_path / "inputs").stat().st_mode & 0o044
+    (tmp_path / "inputs").unlink()
     assert sorted(file.name for file in tmp_path.iterdir()) == [f"{k:06d}.npz" for k in range(5)]
 
 
