@@ -1,6 +1,7 @@
 """Depth images on disk: a long sequence is read one by one, as often as needed, and never held in memory whole."""
 
 import dataclasses
+import os
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
@@ -62,7 +63,15 @@ def find(
     ranges = (workers.arrays(file).get("inverse_range") for file in files)
     stereo.require_depth([known is not None and bool(known.any()) for known in ranges], options)
     for file in files:
-        file.replace(folder / file.name)
+        _put_beside(file, folder / file.name)
+
+
+def _put_beside(file: Path, place: Path) -> None:
+    """One file under two names, so that an interrupt before the stage is finished costs nothing."""
+    try:
+        os.link(file, place)
+    except OSError:  # a disk without such links: the interrupt then costs the depth
+        file.replace(place)
 
 
 def depth_of(view: ImageView, partners: list[ImageView], options: StereoOptions) -> Arrays:
