@@ -53,6 +53,7 @@ from mapping.camera.rig import Rig
 from mapping.dense import mesh_file, occupancy, resolution, surface
 from mapping.dense.confidence import MeasuredSurface
 from mapping.dense.surface import DenseOptions
+from mapping.dense.views import THREADS
 from mapping.free_space import FreeSpace
 from mapping.input import source, trajectory
 from mapping.input.depth_images import DepthFolder
@@ -271,7 +272,8 @@ def build_map(
             the earlier map stays beside it as `OUT.old-1`.
         again_from: one of `STAGES`: it and those after it are made again even if an interrupted run finished them.
         until: one of `STAGES`: the last to make.
-        pool: who matches images and finds their depth; threads of this machine by default.
+        pool: who matches images and finds their depth; by default threads of this machine, for depth `THREADS`: each
+            takes some 45 bytes of memory a pixel.
 
     Raises:
         StoppedError: the stage `until` is finished.
@@ -279,7 +281,7 @@ def build_map(
             cannot be used.
         MapError: these images do not suffice for a map.
     """
-    options, pool = options or MapOptions(), pool or Threads()
+    options = options or MapOptions()
     interrupted = work_folder(out).exists()
     if not interrupted:
         results.require_free_folder(out, overwrite=overwrite, ours=is_map)
@@ -373,7 +375,7 @@ def _build(
     given_from: dict[str, str],
     *,
     overwrite: bool,
-    pool: Pool,
+    pool: Pool | None,
     progress: Progress,
 ) -> MapReport:
     placed = reconstruction.reconstruct(
@@ -382,14 +384,14 @@ def _build(
         length=options.length,
         references=options.references,
         work=work,
-        pool=pool,
+        pool=pool or Threads(),
         progress=progress,
     )
     started_s = time.process_time()
     seen = placed_views.views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _recorded(images, options), stereo)
-    depths = placed_views.depth_stage(placed, seen, stereo, depth_work, pool, progress)
+    depths = placed_views.depth_stage(placed, seen, stereo, depth_work, pool or Threads(THREADS), progress)
     dense_options = options.dense
     if images.depths is not None:
         dense_options = dataclasses.replace(dense_options, least_seen_through=MEASURED_SEEN_THROUGH, contradicted=False)
