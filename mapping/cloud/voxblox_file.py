@@ -18,8 +18,8 @@ _MOST_BYTES = 2_000_000_000
 def read(path: Path) -> Space:
     """The voxels of a layer, in metres with z up; what it did not observe is unknown.
 
-    Voxels of a TSDF or ESDF are occupied up to half their diagonal from a surface, which may pass through those. So what
-    is not free in a map that was exported has grown by the voxels about it: its distances are those to the unknown too.
+    Voxels of a TSDF or ESDF are occupied up to half their diagonal from a surface, which may pass through those. So
+    what is not free in a map that was exported has grown by the voxels about it: its distances are to the unknown too.
 
     Raises:
         InputError: there is no such file, it is too large, or lies too far from the origin.

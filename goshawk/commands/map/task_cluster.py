@@ -108,4 +108,4 @@ def _require_same(installed: str, libraries: dict[str, str], program: bytes) -> 
             has, wants = (versions.get(name, "none") for versions in (mine, libraries))
             raise UnlikeWorkerError(f"the worker on {host} has {name} {has}, not {wants}")
     if stages.program() != program:
-        raise UnlikeWorkerError(f"the worker on {host} has another build of the same sources: install one wheel on each")
+        raise UnlikeWorkerError(f"the worker on {host} has another build of these sources: install one wheel on each")

@@ -42,7 +42,7 @@ def test_a_layer_is_the_map_that_it_states(tmp_path: Path, kind: str, occupied: 
 
 @pytest.mark.parametrize("kind", ["esdf", "tsdf"])
 def test_a_pole_thinner_than_its_voxels_stays_in_a_layer_of_centre_distances(tmp_path: Path, kind: str) -> None:
-    """As voxblox' own layers state them: a pole of 3 cm between four columns of voxels, whose centres are 5.6 cm off."""
+    """As voxblox' own layers state them: a pole of 3 cm between four columns of voxels, 5.6 cm off it."""
     middle = (np.arange(SIDE) + 0.5) * 0.1
     x, y, _ = np.meshgrid(middle, middle, middle, indexing="ij")
     distance = np.hypot(x - 0.4, y - 0.4) - 0.015
