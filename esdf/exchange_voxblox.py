@@ -25,6 +25,8 @@ WORDS = {"tsdf": 3, "esdf": 2, "occupancy": 2}
 OBSERVED, HALLUCINATED, FIXED = 1, 2, 8
 SIDE = 16
 DATA = 0x38  # tag of one voxel_data word
+Block = tuple[NDArray[np.int64], NDArray[np.uint32]]
+"""Its lowest voxel, and its words (x, y, z, word)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +54,30 @@ def export_layer(path: Path, field: Field) -> None:
         raise InputError("voxblox layers have cubic voxels on a lattice through the world's origin; resample first")
     first = np.rint(start).astype(int)
     low, high = first // SIDE, -(-(first + np.array(field.grid.shape)) // SIDE)
-    words = np.zeros((*((high - low) * SIDE), 2), np.uint32)
-    place = tuple(slice(a, a + n) for a, n in zip(first - low * SIDE, field.grid.shape, strict=True))
-    known = field.state != UNKNOWN
-    words[(*place, 0)] = np.where(known, field.values_m, np.float32(0.0)).view(np.uint32)
-    words[(*place, 1)] = np.where(known, OBSERVED | np.where(np.abs(field.values_m) < field.cap_m, FIXED, 0), 0)
-    blocks = [
-        _block(words[tuple(slice(i * SIDE, (i + 1) * SIDE) for i in at)], (low + at) * SIDE * voxel, voxel)
-        for at in np.ndindex(*(high - low))
-    ]
-    blocks = [block for block in blocks if block]
+    corners = [(low + at) * SIDE for at in np.ndindex(*(high - low))]
+    corners = [corner for corner in corners if (field.state[_inside(field, corner - first)] != UNKNOWN).any()]
     header = _double(1, voxel) + _varint_field(2, SIDE) + b"\x1a" + _varint(4) + b"esdf"
-    body = b"".join(_varint(len(m)) + m for m in [header, *blocks])
-    file_format.write_bytes(Path(path), _varint(1 + len(blocks)) + body)
+    with file_format.atomic_file(Path(path)) as temporary, open(temporary, "wb") as out:
+        out.write(_varint(1 + len(corners)) + _varint(len(header)) + header)
+        for corner in corners:  # one by one: a large field is held once only
+            block = _block(_words(field, corner - first), corner * voxel, voxel)
+            out.write(_varint(len(block)) + block)
+
+
+def _inside(field: Field, corner: NDArray[np.int64]) -> tuple[slice, ...]:
+    """Of the field's lattice: the part in the block that starts at a voxel, which may lie before the field's first."""
+    return tuple(slice(max(a, 0), min(a + SIDE, n)) for a, n in zip(corner.tolist(), field.grid.shape, strict=True))
+
+
+def _words(field: Field, corner: NDArray[np.int64]) -> NDArray[np.uint32]:
+    """(SIDE, SIDE, SIDE, 2) of the block that starts at a voxel."""
+    words = np.zeros((SIDE, SIDE, SIDE, 2), np.uint32)
+    inside = _inside(field, corner)
+    place = tuple(slice(part.start - a, part.stop - a) for part, a in zip(inside, corner.tolist(), strict=True))
+    values, known = field.values_m[inside], field.state[inside] != UNKNOWN
+    words[(*place, 0)] = np.where(known, values, np.float32(0.0)).view(np.uint32)
+    words[(*place, 1)] = np.where(known, OBSERVED | np.where(np.abs(values) < field.cap_m, FIXED, 0), 0)
+    return words
 
 
 def import_layer(path: Path, *, at_most: int | None = None) -> Layer:
@@ -77,33 +90,39 @@ def import_layer(path: Path, *, at_most: int | None = None) -> Layer:
         InputError: there is no such file, or the box has more voxels.
         FormatError: it is cut off, not a voxblox layer, or of a type this does not read.
     """
-    try:
-        data = Path(path).read_bytes()
-    except FileNotFoundError:
-        raise errors.missing(path) from None
-    try:
-        messages = list(_messages(data))
-        numbers, blobs, _ = _fields(messages[0])
-        voxel = struct.unpack("<d", blobs[1])[0]
-        side, kind = numbers[2], blobs[3].decode()
-        if kind not in WORDS:
-            raise ValueError(f"its type is {kind!r}; {', '.join(WORDS)} can be read")
-        blocks = [_read_block(m, side, WORDS[kind], voxel) for m in messages[1:]]
-        if not blocks:
-            raise ValueError("it holds no block")
-    except (IndexError, KeyError, ValueError, TypeError, struct.error) as error:
-        raise FormatError(f"{path} is not a whole voxblox layer: {error}") from error
+    kind, voxel, side, blocks = _read(Path(path))
     corners = np.array([corner for corner, _ in blocks])
     voxels = float(np.prod(np.ptp(corners, axis=0) + float(side)))
     if at_most is not None and voxels > at_most:
         raise InputError(
-            f"{path}: its blocks span {voxels / 1e6:,.0f} million voxels, at most {at_most / 1e6:g} million are read: "
-            "cut the map"
+            f"{path}: its blocks span {voxels / 1e6:,.0f} million voxels, at most {at_most / 1e6:.4g} million are "
+            "read: cut the map"
         )
     return _assemble(kind, voxel, side, blocks)
 
 
-def _assemble(kind: str, voxel: float, side: int, blocks: list[tuple[NDArray[np.int64], NDArray[np.uint32]]]) -> Layer:
+def _read(path: Path) -> tuple[str, float, int, list[Block]]:
+    """Type, voxel in metres, voxels per side of a block, and the blocks."""
+    try:
+        data = memoryview(path.read_bytes())
+    except FileNotFoundError:
+        raise errors.missing(path) from None
+    try:
+        messages = _messages(data)
+        numbers, blobs, _ = _fields(next(messages))
+        voxel = struct.unpack("<d", blobs[1])[0]
+        side, kind = numbers[2], bytes(blobs[3]).decode()
+        if kind not in WORDS:
+            raise ValueError(f"its type is {kind!r}; {', '.join(WORDS)} can be read")
+        blocks = [_read_block(message, side, WORDS[kind], voxel) for message in messages]
+        if not blocks:
+            raise ValueError("it holds no block")
+    except (IndexError, KeyError, ValueError, TypeError, StopIteration, struct.error) as error:
+        raise FormatError(f"{path} is not a whole voxblox layer: {error}") from error
+    return kind, voxel, side, blocks
+
+
+def _assemble(kind: str, voxel: float, side: int, blocks: list[Block]) -> Layer:
     corners = np.array([corner for corner, _ in blocks])
     low, high = corners.min(axis=0), corners.max(axis=0) + side
     grid = Grid(tuple(low * voxel), (voxel, voxel, voxel), tuple(high - low))
@@ -122,18 +141,13 @@ def _assemble(kind: str, voxel: float, side: int, blocks: list[tuple[NDArray[np.
 
 
 def _block(words: NDArray[np.uint32], origin: NDArray[np.float64], voxel: float) -> bytes:
-    """A BlockProto, or nothing if no voxel of it was observed."""
-    if not words[..., 1].any():
-        return b""
+    """A BlockProto."""
     head = _varint_field(1, SIDE) + _double(2, voxel)
     head += b"".join(_double(3 + a, float(origin[a])) for a in range(3)) + _varint_field(6, 1)
     return head + _encode_words(np.ascontiguousarray(words.transpose(2, 1, 0, 3)).ravel())
 
 
-def _read_block(
-    message: bytes, side: int, words_per_voxel: int, voxel: float
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Lowest voxel of a block, and its words (x, y, z, word)."""
+def _read_block(message: memoryview, side: int, words_per_voxel: int, voxel: float) -> Block:
     _, blobs, at = _fields(message, until=DATA)
     if at < len(message):
         pairs = _decode_varints(message[at:])
@@ -141,7 +155,7 @@ def _read_block(
             raise ValueError("a block holds unexpected fields among its voxels")
         words = pairs[1::2]
     else:  # written by a newer protobuf, which packs the words
-        words = _decode_varints(blobs.get(7, b""))
+        words = _decode_varints(blobs.get(7, memoryview(b"")))
     if len(words) != side**3 * words_per_voxel:
         raise ValueError(f"a block holds {len(words)} words, not {side**3 * words_per_voxel}")
     origin = np.array([struct.unpack("<d", blobs.get(3 + a, bytes(8)))[0] for a in range(3)])
@@ -149,7 +163,7 @@ def _read_block(
     return np.rint(origin / voxel).astype(np.int64), grid_of_words
 
 
-def _messages(data: bytes) -> Iterator[bytes]:
+def _messages(data: memoryview) -> Iterator[memoryview]:
     count, at = _read_varint(data, 0)
     for _ in range(count):
         size, at = _read_varint(data, at)
@@ -159,10 +173,10 @@ def _messages(data: bytes) -> Iterator[bytes]:
         at += size
 
 
-def _fields(message: bytes, until: int | None = None) -> tuple[dict[int, int], dict[int, bytes], int]:
+def _fields(message: memoryview, until: int | None = None) -> tuple[dict[int, int], dict[int, memoryview], int]:
     """Fields by number, varints and all others apart, and where it stopped: at the first tag `until`, or the end."""
     numbers: dict[int, int] = {}
-    blobs: dict[int, bytes] = {}
+    blobs: dict[int, memoryview] = {}
     at = 0
     while at < len(message):
         tag, after = _read_varint(message, at)
@@ -184,7 +198,7 @@ def _fields(message: bytes, until: int | None = None) -> tuple[dict[int, int], d
     return numbers, blobs, at
 
 
-def _read_varint(data: bytes, at: int) -> tuple[int, int]:
+def _read_varint(data: memoryview, at: int) -> tuple[int, int]:
     value, shift = 0, 0
     while True:
         byte = data[at]
@@ -196,7 +210,7 @@ def _read_varint(data: bytes, at: int) -> tuple[int, int]:
             raise ValueError("a number is longer than 64 bits")
 
 
-def _decode_varints(data: bytes) -> NDArray[np.uint64]:
+def _decode_varints(data: memoryview) -> NDArray[np.uint64]:
     """All varints of a stretch of bytes at once."""
     raw = np.frombuffer(data, np.uint8)
     ends = np.flatnonzero(raw < 0x80)

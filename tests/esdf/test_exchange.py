@@ -1,6 +1,7 @@
 """Files for and from other tools."""
 
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -92,6 +93,18 @@ def test_damaged_and_foreign_layers_are_refused(tmp_path):
         import_layer(path)
     with pytest.raises(InputError):
         import_layer(tmp_path / "none")
+
+
+def test_a_layer_is_written_block_by_block(tmp_path):
+    """Beside the field no more memory than a block needs: a hall has 400 million voxels."""
+    field = build(np.ones((96, 96, 96), np.uint8), Grid((0, 0, 0), 0.1, (96, 96, 96)), cap_m=1.0)
+    tracemalloc.start()
+    try:
+        export_layer(tmp_path / "layer", field)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * field.grid.voxels < (tmp_path / "layer").stat().st_size
 
 
 def test_a_lattice_that_voxblox_cannot_hold_is_refused(tmp_path):

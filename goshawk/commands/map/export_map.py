@@ -1,7 +1,6 @@
 """`goshawk map export`: a map for other programs: mesh, points, grids, a COLMAP model, an OctoMap."""
 
-import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
@@ -84,7 +83,7 @@ def export(
     yaml = out.with_suffix(".yaml") if kind == "ros" else None
     outputs.check(out, yaml, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    written = {out: b""}
+    written: dict[Path, bytes | Callable[[Path], None]] = {}
     facts: dict[str, object] = {"map_hash": area.hash}
     if kind == "ros" and yaml is not None and height_m is not None:
         image = map_server.slice_at(area.field, height_m)
@@ -94,7 +93,8 @@ def export(
         written[out] = octomap.encode(area.field)
         facts |= _shares(area.field.state)
     elif kind in ("voxblox", "volume"):
-        written[out] = _volume(area, out)
+        write = exchange_vdb.export_vdb if kind == "volume" else exchange_voxblox.export_layer
+        written[out] = lambda place: write(place, area.field)  # a large one at once to the disk
         facts |= _shares(area.field.state)
     elif kind == "dem":
         written[out], facts["cells with a height"] = _elevation(area)
@@ -110,7 +110,7 @@ def export(
             facts |= {"triangles": len(faces), "up": surfaces.UP[out.suffix.lower()]}
     for path, data in written.items():
         with outputs.file(path, overwrite=overwrite) as temporary:
-            temporary.write_bytes(data)
+            data(temporary) if callable(data) else temporary.write_bytes(data)
     _show(map_folder, facts, list(written), as_json=as_json)
 
 
@@ -147,15 +147,6 @@ def _elevation(area: Map) -> tuple[bytes, str]:
     height_m = height_field.of_states(area.field.state, grid)
     x_m, y_m, _ = grid.origin_world_m
     return height_field.encode(height_m, grid.voxel_m[0], (x_m, y_m)), f"{float(np.isfinite(height_m).mean()):.0%}"
-
-
-def _volume(area: Map, out: Path) -> bytes:
-    """The distance field as a layer of voxblox or an OpenVDB volume, by the end of the name."""
-    with tempfile.TemporaryDirectory() as folder:
-        made = Path(folder) / out.name
-        write = exchange_vdb.export_vdb if out.suffix.lower() == ".vdb" else exchange_voxblox.export_layer
-        write(made, area.field)
-        return made.read_bytes()
 
 
 def _distances(area: Map, height_m: float | None) -> tuple[bytes, int]:
