@@ -9,6 +9,7 @@ from scipy import ndimage
 from esdf import FREE, OCCUPIED, UNKNOWN, Grid, build
 from esdf.exchange_voxblox import export_layer
 from flight import FlightError, InputError
+from mapping import imported
 from mapping.cloud import voxblox_file
 from tests.esdf.test_exchange import hand_written_layer
 
@@ -76,7 +77,7 @@ def test_what_is_exported_comes_back_with_what_is_not_free_grown_by_the_voxels_a
     grown = (state == FREE) & (field.values_m <= field.grid.half_diagonal_m)
     assert grown.any()
     beside = ndimage.binary_dilation(state != FREE, np.ones((3, 3, 3)), border_value=1)  # outside it is unknown
-    assert not (grown & ~beside).any()
+    assert beside[grown].all()
     np.testing.assert_array_equal(back.state[place], np.where(grown, OCCUPIED, state))
     assert (back.state != UNKNOWN).sum() == (state != UNKNOWN).sum()
 
@@ -88,6 +89,21 @@ def test_blocks_far_apart_are_refused_before_memory_is_taken(tmp_path: Path) -> 
     (tmp_path / "a.vxblx").write_bytes(b"\x03" + blocks[0][1:] + blocks[1][second:])
     with pytest.raises(InputError, match="million voxels"):
         voxblox_file.read(tmp_path / "a.vxblx")
+
+
+@pytest.mark.parametrize(
+    ("free_bytes", "said"), [(9_000, "takes 0.0 GB of memory"), (16_000, "0.0005 million are read")]
+)
+def test_a_layer_is_refused_where_there_is_too_little_memory(
+    tmp_path: Path, free_bytes: int, said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = np.ones((SIDE,) * 3)
+    (tmp_path / "a.vxblx").write_bytes(hand_written_layer("esdf", words("esdf", whole, whole)))
+    monkeypatch.setattr(imported, "free_memory_bytes", lambda: free_bytes)
+    with pytest.raises(InputError, match=said):
+        voxblox_file.read(tmp_path / "a.vxblx")
+    monkeypatch.setattr(imported, "free_memory_bytes", lambda: 32 * SIDE**3)
+    assert voxblox_file.read(tmp_path / "a.vxblx").state.size == SIDE**3
 
 
 @pytest.mark.parametrize("damage", ["none", "cut", "unseen", "far"])
