@@ -1,17 +1,17 @@
 """Layer files of voxblox (ETH Zurich): ESDF layers out and in, TSDF and occupancy layers in.
 
-A file is the number of messages, then each with its length in front, as varints: one LayerProto (1 voxel_size: double,
+A layer is the number of messages, then each with its length in front, as varints: one LayerProto (1 voxel_size: double,
 2 voxels_per_side: uint32, 3 type: string), then BlockProtos (1 voxels_per_side, 2 voxel_size, 3-5 origin: doubles,
 6 has_data, 7 voxel_data: repeated uint32). Voxels run x fastest. Words per voxel: "tsdf": distance, weight (floats),
 RGBA; "esdf": distance (float), flags (bit 0 observed, 1 hallucinated, 3 fixed; the upper bytes, the parent, are 0);
 "occupancy": log-odds (float), observed. Lattices start at multiples of the voxel in the world. A hallucinated voxel,
-one that voxblox' planners assume free or occupied about the robot, counts as not observed.
+one that voxblox' planners assume free or occupied about the robot, counts as not observed. A file may hold several
+layers (voxblox saves TSDF and ESDF into one): the first is read.
 """
 
 import math
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +25,8 @@ WORDS = {"tsdf": 3, "esdf": 2, "occupancy": 2}
 OBSERVED, HALLUCINATED, FIXED = 1, 2, 8
 SIDE = 16
 DATA = 0x38  # tag of one voxel_data word
+_OFF_LATTICE = 0.1
+"""Voxels that a block may start beside the lattice: voxblox computes in single precision."""
 Block = tuple[NDArray[np.int64], NDArray[np.uint32]]
 """Its lowest voxel, and its words (x, y, z, word)."""
 
@@ -40,6 +42,8 @@ class Layer:
     """(nx, ny, nz) distance in metres, or log-odds; NaN where not observed."""
     weight: NDArray[np.float32]
     """(nx, ny, nz) how often seen (TSDF), else 1 where observed; 0 where not."""
+    layers: int = 1
+    """That the file holds; this is the first."""
 
 
 def export_layer(path: Path, field: Field) -> None:
@@ -90,7 +94,7 @@ def import_layer(path: Path, *, at_most: int | None = None) -> Layer:
         InputError: there is no such file, or the box has more voxels.
         FormatError: it is cut off, not a voxblox layer, or of a type this does not read.
     """
-    kind, voxel, side, blocks = _read(Path(path))
+    kind, voxel, side, blocks, layers = _read(Path(path))
     corners = np.array([corner for corner, _ in blocks])
     voxels = float(np.prod(np.ptp(corners, axis=0) + float(side)))
     if at_most is not None and voxels > at_most:
@@ -98,28 +102,31 @@ def import_layer(path: Path, *, at_most: int | None = None) -> Layer:
             f"{path}: its blocks span {voxels / 1e6:,.0f} million voxels, at most {at_most / 1e6:.4g} million are "
             "read: cut the map"
         )
-    return _assemble(kind, voxel, side, blocks)
+    return replace(_assemble(kind, voxel, side, blocks), layers=layers)
 
 
-def _read(path: Path) -> tuple[str, float, int, list[Block]]:
-    """Type, voxel in metres, voxels per side of a block, and the blocks."""
+def _read(path: Path) -> tuple[str, float, int, list[Block], int]:
+    """Of the first layer: type, voxel in metres, voxels per side of a block, blocks; and how many layers there are."""
     try:
         data = memoryview(path.read_bytes())
     except FileNotFoundError:
         raise errors.missing(path) from None
     try:
-        messages = _messages(data)
-        numbers, blobs, _ = _fields(next(messages))
+        layers = _layers(data)
+        kinds = [bytes(_fields(messages[0])[1][3]) for messages in layers]  # the others are whole, too
+        numbers, blobs, _ = _fields(layers[0][0])
         voxel = struct.unpack("<d", blobs[1])[0]
-        side, kind = numbers[2], bytes(blobs[3]).decode()
+        side, kind = numbers[2], kinds[0].decode()
+        if not 0.0 < voxel < math.inf:
+            raise ValueError(f"its voxels are of {voxel:g} m")
         if kind not in WORDS:
             raise ValueError(f"its type is {kind!r}; {', '.join(WORDS)} can be read")
-        blocks = [_read_block(message, side, WORDS[kind], voxel) for message in messages]
+        blocks = [_read_block(message, side, WORDS[kind], voxel) for message in layers[0][1:]]
         if not blocks:
             raise ValueError("it holds no block")
-    except (IndexError, KeyError, ValueError, TypeError, StopIteration, struct.error) as error:
+    except (IndexError, KeyError, ValueError, TypeError, struct.error) as error:
         raise FormatError(f"{path} is not a whole voxblox layer: {error}") from error
-    return kind, voxel, side, blocks
+    return kind, voxel, side, blocks, len(layers)
 
 
 def _assemble(kind: str, voxel: float, side: int, blocks: list[Block]) -> Layer:
@@ -159,18 +166,26 @@ def _read_block(message: memoryview, side: int, words_per_voxel: int, voxel: flo
     if len(words) != side**3 * words_per_voxel:
         raise ValueError(f"a block holds {len(words)} words, not {side**3 * words_per_voxel}")
     origin = np.array([struct.unpack("<d", blobs.get(3 + a, bytes(8)))[0] for a in range(3)])
+    first = origin / voxel
+    if not np.isfinite(first).all() or np.abs(first - np.rint(first)).max() > _OFF_LATTICE:
+        raise ValueError(f"a block starts at {origin.tolist()} m, which is no multiple of the voxel of {voxel:g} m")
     grid_of_words = words.astype(np.uint32).reshape(side, side, side, words_per_voxel).transpose(2, 1, 0, 3)
-    return np.rint(origin / voxel).astype(np.int64), grid_of_words
+    return np.rint(first).astype(np.int64), grid_of_words
 
 
-def _messages(data: memoryview) -> Iterator[memoryview]:
-    count, at = _read_varint(data, 0)
-    for _ in range(count):
-        size, at = _read_varint(data, at)
-        if at + size > len(data):
-            raise ValueError("it ends in the middle of a message")
-        yield data[at : at + size]
-        at += size
+def _layers(data: memoryview) -> list[list[memoryview]]:
+    """The messages of each layer."""
+    layers, at = list[list[memoryview]](), 0
+    while at < len(data) or not layers:
+        count, at = _read_varint(data, at)
+        layers.append([])
+        for _ in range(count):
+            size, at = _read_varint(data, at)
+            if at + size > len(data):
+                raise ValueError("it ends in the middle of a message")
+            layers[-1].append(data[at : at + size])
+            at += size
+    return layers
 
 
 def _fields(message: memoryview, until: int | None = None) -> tuple[dict[int, int], dict[int, memoryview], int]:

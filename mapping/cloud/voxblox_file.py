@@ -41,7 +41,8 @@ def read(path: Path) -> Space:
     state = _states(layer)
     if (state == UNKNOWN).all():
         raise FormatError(f"{path} holds neither free nor occupied space")
-    return Space(layer.grid, state)
+    of = layer.kind if layer.layers == 1 else f"{layer.kind}, the first of {layer.layers} layers"
+    return Space(layer.grid, state, of)
 
 
 def _states(layer: Layer) -> StateArray:

@@ -346,7 +346,7 @@ def _voxels(file: Path, kind: str) -> tuple[Any, Any, dict[str, Any]]:
         raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
     rule = f"({'OctoMap' if kind == 'octomap' else 'voxblox'}'s rule)"
     mesh = foreign_mesh.ForeignMesh(vertices, faces, f"m {rule}", f"z {rule}", 0)
-    return mesh, space, _triangles(mesh)
+    return mesh, space, _triangles(mesh) | ({"layer": space.of} if space.of else {})
 
 
 def _triangles(mesh: Any) -> dict[str, Any]:
@@ -402,7 +402,8 @@ def _contents(kind: str, document: dict[str, Any]) -> dict[str, object]:
         said = f"{document['cells_without_data']:,} of {document['cells']:,} cells without data"
         return {"triangles": document["triangles"], "heights": said}
     if kind != "cloud":
-        return {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
+        triangles = {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
+        return {**triangles, **{name: document[name] for name in ("layer",) if name in document}}
     found: dict[str, object] = {"points": document["points"]}
     if document["not_finite"]:
         found["left out"] = f"{document['not_finite']} points that are not finite"

@@ -78,7 +78,8 @@ def test_points_and_voxels_are_written_by_their_names(folder: Path, tmp_path: Pa
 def test_a_voxblox_layer_and_an_openvdb_volume_are_the_maps_field(folder: Path, tmp_path: Path) -> None:
     area = mapping.open_map(folder)
     run("map", "export", folder, "--out", tmp_path / "a.vxblx")
-    run("map", "import", tmp_path / "a.vxblx", "--out", tmp_path / "again")
+    said = run("map", "import", tmp_path / "a.vxblx", "--out", tmp_path / "again", "--json")
+    assert json.loads(said)["layer"] == "esdf"
     again = mapping.open_map(tmp_path / "again")
     places = area.field.grid.centre(np.argwhere(area.field.state != UNKNOWN))
     index = again.field.grid.index(places)
