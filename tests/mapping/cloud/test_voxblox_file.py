@@ -26,7 +26,8 @@ def words(kind: str, values: np.ndarray, seen: np.ndarray) -> list[int]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "occupied", "free"), [("esdf", 0.08, 0.09), ("tsdf", 0.08, 0.09), ("occupancy", 0.6, -0.9)]
+    ("kind", "occupied", "free"),
+    [("esdf", 0.08, 0.09), ("tsdf", 0.08, 0.09), ("occupancy", 0.6, -0.9), ("occupancy", 800.0, -800.0)],
 )
 def test_a_layer_is_the_map_that_it_states(tmp_path: Path, kind: str, occupied: float, free: float) -> None:
     rng = np.random.default_rng(2)
