@@ -54,10 +54,23 @@ class HiddenPrice:
         starts, ends = polyline_world_m[:-1], polyline_world_m[1:]
         return float((np.linalg.norm(ends - starts, axis=1) + self.of_lines_m(starts, ends)).sum())
 
-    def paid_m(self, flown: Trajectory) -> float:
-        """What a trajectory pays: by how many metres it counts longer than it is."""
+    def paid(self, flown: Trajectory) -> "Paid":
+        """What a trajectory pays."""
         path = flown.position(flown.sample(_STEP_S))
-        return float(self.of_lines_m(path[:-1], path[1:]).sum())
+        return Paid(self.price, float(self.of_lines_m(path[:-1], path[1:]).sum()))
+
+
+@dataclass(frozen=True, slots=True)
+class Paid:
+    """What a trajectory pays for space where an obstacle could hide."""
+
+    price: float
+    """As asked."""
+    paid_m: float
+    """By how many metres it counts longer than it is."""
+
+    def as_dict(self) -> dict[str, float]:
+        return {"hidden_price": self.price, "hidden_price_paid_m": self.paid_m}
 
 
 def require_price(price: float) -> float:

@@ -96,8 +96,7 @@ def plan_one(
         planner.save_plan(temporary, plan, name=job.out.stem)
     surface = area.surface()
     nearest = None if surface is None else surface.nearest(np.array(plan.gate.clearance_point_world_m))
-    paid_m = None if options.hidden is None else options.hidden.paid_m(plan.trajectory)
-    _show(plan, drone, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, paid_m, as_json=as_json)
+    _show(plan, drone, job.out, len(asked.waypoints.positions_world_m), left_out, nearest, as_json=as_json)
 
 
 def mission_along(path: Path, tolerance_m: float, field: esdf.Field, job: Job) -> tuple[Mission, int]:
@@ -119,7 +118,6 @@ def _show(
     waypoints: int,
     left_out: int | None,
     nearest: NearestSurface | None,
-    paid_m: float | None,
     *,
     as_json: bool,
 ) -> None:
@@ -128,7 +126,6 @@ def _show(
     Args:
         left_out: recorded positions that were left out; None if no path was given.
         nearest: to the point of least clearance; None in a map without measured surface.
-        paid_m: what the way costs by the price of hidden space; None where it has none.
     """
     facts = {
         "written": str(out),
@@ -152,7 +149,8 @@ def _show(
     shown |= {check.name: f"{check.value:.1f} of {check.bound:g} {check.unit}" for check in jerks}
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
     document |= {vehicle.purpose.KEY: vehicle.purpose.not_for_design(drone)}
-    if paid_m is not None:
+    if plan.gate.hidden is not None:
+        paid_m = plan.gate.hidden.paid_m
         shown["price of hidden space"] = f"{paid_m:.1f} m, by which the way counts as longer than it is"
         document["hidden_price_paid_m"] = paid_m
     if nearest is not None:

@@ -61,7 +61,8 @@ def plan(
     *,
     progress: Progress = silent,
 ) -> planner.Plan:
-    """Plan in a field of `field_to_plan_in`; the gate's report is about the map itself, and says what could hide.
+    """Plan in a field of `field_to_plan_in`; the gate's report is about the map itself, and says what could hide
+    and what was paid for it.
 
     Raises:
         InfeasibleError, InputError: as `planner.mission.plan`.
@@ -79,6 +80,7 @@ def plan(
             conditions=report.conditions,
         )
     report = could_hide.add(report, found.trajectory, free, thinnest_m)
+    report = report if options.hidden is None else replace(report, hidden=options.hidden.paid(found.trajectory))
     if not report.passed:
         first = report.failures[0]
         raise InfeasibleError(f"the plan fails in the map: {first.name} ({first.reason}); keep more margin")

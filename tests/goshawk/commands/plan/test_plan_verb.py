@@ -385,6 +385,10 @@ def test_a_price_on_hidden_space_buys_a_detour_and_the_plan_says_what_it_paid(pa
     assert low["hidden_price_paid_m"] == pytest.approx(0.01 * share * 0.8, rel=0.3)  # 0.8 m of the way lead through it
     high = run(*call, "--out", tmp_path / "high.json", "--hidden-price", 20)
     assert high["hidden_price_paid_m"] < 0.1
+    in_files = [json.loads((tmp_path / f"{name}.json").read_text())["check"] for name in ("free", "low", "high")]
+    assert "hidden_price" not in in_files[0]
+    assert [check["hidden_price"] for check in in_files[1:]] == [0.01, 20]
+    assert in_files[1]["hidden_price_paid_m"] == low["hidden_price_paid_m"]
     assert high["could_hide"]["length_share"] < low["could_hide"]["length_share"]
     assert goshawk("plan", *call, "--out", tmp_path / "x.json", "--hidden-price", 0).returncode == 2
 
@@ -395,6 +399,19 @@ def test_a_thinner_obstacle_asked_for_is_refused_where_nothing_resolves_it_and_w
         ended = goshawk(*call, thickness)
         assert ended.returncode == code, ended.stderr
         assert not (tmp_path / "x.json").exists()
+
+
+def test_a_batch_plans_anew_for_another_price_of_hidden_space(patchy, tmp_path):
+    (tmp_path / "missions").mkdir()
+    shutil.copy(patchy / "across.json", tmp_path / "missions")
+    call = ("batch", tmp_path / "missions", *world(patchy), "--out", tmp_path / "plans")
+    for price in (None, 0.01, 20):
+        asked = () if price is None else ("--hidden-price", price)
+        if price is not None:
+            assert "results of other inputs" in goshawk("plan", *call, *asked).stderr
+        run(*call, *asked, "--overwrite")
+        check = json.loads((tmp_path / "plans" / "trajectories" / "across.json").read_text())["check"]
+        assert check.get("hidden_price") == price
 
 
 def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
