@@ -55,7 +55,10 @@ def export_layer(path: Path, field: Field) -> None:
     voxel = field.grid.voxel_m[0]
     start = field.grid.low_world_m / voxel
     if not field.grid.cubic or np.abs(start - np.rint(start)).max() > 1e-6:
-        raise InputError("voxblox layers have cubic voxels on a lattice through the world's origin; resample first")
+        raise InputError(
+            "voxblox layers have cubic voxels on a lattice through the world's origin; resample the map, or write an "
+            "OpenVDB volume, which takes any"
+        )
     first = np.rint(start).astype(int)
     low, high = first // SIDE, -(-(first + np.array(field.grid.shape)) // SIDE)
     corners = [(low + at) * SIDE for at in np.ndindex(*(high - low))]

@@ -60,6 +60,7 @@ class Pool(Protocol):
         work: Callable[..., Arrays],
         tasks: Iterable[tuple[int, Task]],
         take: Callable[[int, Arrays], None],
+        stage: str,
         progress: Progress,
     ) -> None:
         """Do all tasks.
@@ -68,6 +69,7 @@ class Pool(Protocol):
             work: a module's function; what it raises ends the whole work.
             tasks: by number; those of some tasks only are asked for ahead.
             take: is given the number and the answer of each task as it comes, in any order.
+            stage: what they are tasks of, for messages.
         """
         ...
 
@@ -84,6 +86,7 @@ class Threads:
         work: Callable[..., Arrays],
         tasks: Iterable[tuple[int, Task]],
         take: Callable[[int, Arrays], None],
+        stage: str = "",
         progress: Progress = silent,
     ) -> None:
         for number, answer in in_order(lambda task: (task[0], work(*task[1])), tasks, threads=self.count):
@@ -118,7 +121,7 @@ def files_of(
 
     progress(stage, done / max(count, 1))
     if asked:  # else nobody need be there
-        pool.each(work, ((number, task(number)) for number in asked), take, progress)
+        pool.each(work, ((number, task(number)) for number in asked), take, stage, progress)
     return files
 
 

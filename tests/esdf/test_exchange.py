@@ -97,7 +97,7 @@ def test_damaged_and_foreign_layers_are_refused(tmp_path):
 
 def test_a_layer_is_written_block_by_block(tmp_path):
     """Beside the field no more memory than a block needs: a hall has 400 million voxels."""
-    field = build(np.ones((96, 96, 96), np.uint8), Grid((0, 0, 0), 0.1, (96, 96, 96)), cap_m=1.0)
+    field = build(np.ones((96, 96, 96), np.uint8), Grid((0, 0, 0), (0.1, 0.1, 0.1), (96, 96, 96)), cap_m=1.0)
     tracemalloc.start()
     try:
         export_layer(tmp_path / "layer", field)

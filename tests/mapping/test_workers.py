@@ -91,11 +91,11 @@ class Counting(workers.Threads):
         self.given: list[int] = []
         self.asked = 0
 
-    def each(self, work, tasks, take, progress=silent) -> None:
+    def each(self, work, tasks, take, stage="", progress=silent) -> None:
         self.asked += 1
         chosen = list(tasks)
         self.given += [number for number, _ in chosen]
-        super().each(work, chosen, take, progress)
+        super().each(work, chosen, take, stage, progress)
 
 
 def files(folder: Path, count: int = 5) -> tuple[list[float], list[int]]:

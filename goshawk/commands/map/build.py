@@ -127,9 +127,9 @@ def build(
     Space is free where three images saw through it, and where the vehicle or person that carried the cameras must have
     been: --carrier-radius states how far about each camera. Measured surfaces stay occupied.
 
-    An interrupted run leaves its finished stages in OUT.work, and what was matched; the same command goes on from
-    there. So does one after --until-stage. Workers of a --scheduler match images and find depth. They are sent what
-    they need, and need no files; the map is the same.
+    An interrupted run leaves its finished stages in OUT.work, and pairs matched or depth found so far; the same command
+    goes on from there. So does one after --until-stage. Workers of a --scheduler match images and find depth. They are
+    sent what they need, and need no files, but the same build and libraries; the map is the same.
 
     The camera file is put on trial: what it gets wrong is corrected where a camera file can state it (`goshawk camera
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.

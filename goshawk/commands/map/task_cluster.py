@@ -36,6 +36,7 @@ class DaskWorkers:
         work: Callable[..., Arrays],
         tasks: Iterable[tuple[int, Task]],
         take: Callable[[int, Arrays], None],
+        stage: str,
         progress: Progress,
     ) -> None:
         """Do all tasks; one that was only beside another that ends its worker is done again, alone.
@@ -63,8 +64,8 @@ class DaskWorkers:
             for task in cluster.each(client, tasks, submit, answered, progress):
                 if cluster.each(client, [task], submit, answered, progress):
                     raise ClusterError(
-                        f"the workers that did task {task[0]} of {work.__name__} ended without an answer; give them "
-                        "more memory, or fewer threads"
+                        f"the workers that did task {task[0] + 1} of {stage} ended without an answer; give them more "
+                        "memory, or fewer threads"
                     )
 
 

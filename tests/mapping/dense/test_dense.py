@@ -131,10 +131,10 @@ class Counting(Threads):
 
     given = 0
 
-    def each(self, work, tasks, take, progress=silent) -> None:
+    def each(self, work, tasks, take, stage="", progress=silent) -> None:
         chosen = list(tasks)
         self.given += len(chosen)
-        super().each(work, chosen, take, progress)
+        super().each(work, chosen, take, stage, progress)
 
 
 def test_depth_that_was_found_outlives_an_interrupt_while_its_stage_is_written(

@@ -103,14 +103,14 @@ def test_an_interrupted_matching_goes_on_with_the_tasks_that_are_left(
     class Interrupted(Threads):
         most = 2
 
-        def each(self, work, tasks, take, progress=silent) -> None:
+        def each(self, work, tasks, take, stage="", progress=silent) -> None:
             def count(number, answer) -> None:
                 if len(done) == self.most:
                     raise KeyboardInterrupt
                 done.append(number)
                 take(number, answer)
 
-            super().each(work, tasks, count, progress)
+            super().each(work, tasks, count, stage, progress)
 
     with pytest.raises(KeyboardInterrupt):
         ours(database, tmp_path, Interrupted(1))

@@ -96,7 +96,7 @@ def test_what_was_sent_before_bad_input_is_waited_for_and_kept(two, tmp_path):
 
 
 def test_a_task_that_ends_its_workers_is_named_and_the_others_are_done(two, tmp_path):
-    with pytest.raises(dask_cluster.ClusterError, match="task 1 of squared ended without an answer"):
+    with pytest.raises(dask_cluster.ClusterError, match="task 2 of squaring ended without an answer"):
         done(two, tmp_path / "tasks", [2, 13, 3, 4])
     assert sorted(file.name for file in (tmp_path / "tasks").iterdir()) == ["000000.npz", "000002.npz", "000003.npz"]
     assert [int(each["square"]) for each in done(two, tmp_path / "tasks", [2, 5, 3, 4])] == [4, 25, 9, 16]
@@ -124,7 +124,7 @@ def test_a_worker_of_other_libraries_or_another_build_is_refused(two, tmp_path, 
 def test_an_address_without_a_scheduler_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     with pytest.raises(InputError, match=r"--scheduler tcp://127\.0\.0\.1:1: no Dask scheduler answers there"):
-        DaskWorkers("tcp://127.0.0.1:1").each(squared, iter([(0, (1,))]), lambda *_: None, silent)
+        DaskWorkers("tcp://127.0.0.1:1").each(squared, iter([(0, (1,))]), lambda *_: None, "squaring", silent)
 
 
 def test_a_wrong_address_is_told_before_the_images_are_looked_at(tmp_path, monkeypatch):
