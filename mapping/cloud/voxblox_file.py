@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from scipy import special
 
 from esdf import UNKNOWN, observe
 from esdf.exchange_voxblox import Layer, import_layer
@@ -48,5 +47,5 @@ def read(path: Path) -> Space:
 
 def _states(layer: Layer) -> StateArray:
     if layer.kind == "occupancy":
-        return observe.state_from_occupancy(special.expit(layer.value.astype(np.float64)), layer.grid)
+        return observe.state_from_occupancy(np.exp(-np.logaddexp(0.0, -layer.value.astype(np.float64))), layer.grid)
     return observe.state_from_tsdf(layer.value, layer.weight, layer.grid)
