@@ -47,5 +47,7 @@ def read(path: Path) -> Space:
 
 def _states(layer: Layer) -> StateArray:
     if layer.kind == "occupancy":
-        return observe.state_from_occupancy(np.exp(-np.logaddexp(0.0, -layer.value.astype(np.float64))), layer.grid)
+        from scipy import special
+
+        return observe.state_from_occupancy(special.expit(layer.value.astype(np.float64)), layer.grid)
     return observe.state_from_tsdf(layer.value, layer.weight, layer.grid)
