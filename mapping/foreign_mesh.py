@@ -39,7 +39,6 @@ _OTHERS = {
     ".vdb": _BY_BLENDER,
     ".nvdb": _BY_BLENDER,
     ".nvblx": "save nvblox' mesh as PLY: its save_ply service writes it",
-    ".vxblx": "save voxblox' mesh as PLY: its generate_mesh service writes it",
 }
 """What to do about kinds of file that are known and not read."""
 _AXES = {sign + name: (-1.0 if sign else 1.0) * np.eye(3)[k] for sign in ("", "-") for k, name in enumerate("xyz")}

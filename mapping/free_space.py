@@ -16,6 +16,8 @@ from mapping.dense import fusion, missing, resolution
 
 THRESHOLD_M = 0.03
 """Obstacles thicker than a thumb and a half: poles, branches, chair legs, of which a map should know."""
+PLAIN_M = 0.10
+"""An obstacle so thick should be in every map."""
 _NEIGHBOURS = 8
 """Places compared for the least distance between a voxel's box and a path, found by the distance of their centres."""
 _TOUCH_M = 1e-9
@@ -59,6 +61,17 @@ class FreeSpace:
         state, grid = self.field.state.copy(), self.field.grid
         state[resolution.could_hide(state, grid, self.seen, thickness_m, empty=self.empty)] = UNKNOWN
         return esdf.build(state, grid, cap_m=self.field.cap_m, unknown=self.field.unknown)
+
+    def hidden_share(self, points_world_m: ArrayLike) -> FloatArray:
+        """How thick an obstacle could hide at points (n, 3), as a share (n,) for a price.
+
+        From 0, where none above `THRESHOLD_M` could, to 1, where one of `PLAIN_M` and more could.
+        """
+        points = np.asarray(points_world_m, dtype=np.float64)
+        cells = np.clip(self.field.grid.index(points), 0, np.array(self.field.grid.shape) - 1)
+        is_open = ~(self.field.grid.contains(points) & self.empty[tuple(cells.T)])
+        thickness_m = np.minimum(self.seen.finest(points), PLAIN_M)
+        return np.clip((thickness_m - THRESHOLD_M) / (PLAIN_M - THRESHOLD_M), 0.0, 1.0) * is_open
 
     def along(self, times_s: ArrayLike, positions_world_m: ArrayLike, reach_m: float) -> CouldHide:
         """How thick an obstacle could hide within reach of a path.

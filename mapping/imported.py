@@ -38,6 +38,8 @@ class Space:
     grid: Grid
     state: NDArray[np.uint8]
     """(nx, ny, nz)."""
+    of: str = ""
+    """Which part of the file it is, where that may hold several."""
 
     @property
     def open_sides(self) -> int:

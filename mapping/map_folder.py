@@ -50,10 +50,10 @@ from mapping import (
 )
 from mapping.camera import rig as rigs
 from mapping.camera.rig import Rig
-from mapping.dense import depth_files, mesh_file, occupancy, resolution, surface
+from mapping.dense import mesh_file, occupancy, resolution, surface
 from mapping.dense.confidence import MeasuredSurface
-from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions
+from mapping.dense.views import THREADS
 from mapping.free_space import FreeSpace
 from mapping.input import source, trajectory
 from mapping.input.depth_images import DepthFolder
@@ -61,6 +61,7 @@ from mapping.input.images import ImageSet
 from mapping.input.selection import SelectionOptions
 from mapping.input.trajectory import MotionKind
 from mapping.map_figures import MapReport
+from mapping.placed_views import DEPTH
 from mapping.sparse import alignment, localization_map, reconstruction, tracks
 from mapping.sparse.alignment import DEPTH_SOURCE, Length
 from mapping.sparse.localization_map import LocalizationMap
@@ -68,6 +69,7 @@ from mapping.sparse.mapper import colmap
 from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.stages import Work
 from mapping.verdict import Standing
+from mapping.workers import Pool, Threads
 
 FORMAT = "goshawk-map"
 VERSION = 1
@@ -76,7 +78,6 @@ REPORT_FORMAT = "goshawk-map-report"
 VISIBILITY = "visibility.npz"
 INFERRED = "inferred.npz"
 CONFIDENCE = "confidence.npz"
-DEPTH = "depth"
 IMPORTED = "imported"
 """Key of `map.toml`, true in a map that was not made of images and has neither cameras nor poses."""
 STAGES = (source.FRAMES, source.CHECK, colmap.FEATURES, colmap.MATCHES, colmap.POSES, reconstruction.CALIBRATION, DEPTH)
@@ -258,6 +259,7 @@ def build_map(
     overwrite: bool = False,
     again_from: str | None = None,
     until: str | None = None,
+    pool: Pool | None = None,
     progress: Progress = silent,
 ) -> MapReport:
     """Make the map folder `out` from a folder of images, or from a video.
@@ -270,6 +272,8 @@ def build_map(
             the earlier map stays beside it as `OUT.old-1`.
         again_from: one of `STAGES`: it and those after it are made again even if an interrupted run finished them.
         until: one of `STAGES`: the last to make.
+        pool: who matches images and finds their depth; by default threads of this machine, for depth `THREADS`: each
+            takes some 45 bytes of memory a pixel.
 
     Raises:
         StoppedError: the stage `until` is finished.
@@ -303,7 +307,7 @@ def build_map(
         if report is None:
             results.require_free_folder(out, overwrite=overwrite, ours=is_map)
             given_from = given_paths.noted(Path(out), Path(images), options.masks)
-            report = _build(checked, out, options, work, given_from, overwrite=overwrite, progress=progress)
+            report = _build(checked, out, options, work, given_from, overwrite=overwrite, pool=pool, progress=progress)
         stages.finish(begun)
     return report
 
@@ -371,26 +375,23 @@ def _build(
     given_from: dict[str, str],
     *,
     overwrite: bool,
+    pool: Pool | None,
     progress: Progress,
 ) -> MapReport:
     placed = reconstruction.reconstruct(
-        images, options.sparse, length=options.length, references=options.references, work=work, progress=progress
+        images,
+        options.sparse,
+        length=options.length,
+        references=options.references,
+        work=work,
+        pool=pool or Threads(),
+        progress=progress,
     )
     started_s = time.process_time()
     seen = placed_views.views(placed)
     stereo = options.dense.stereo
     depth_work = work.on(options.sparse, options.length, _recorded(images, options), stereo)
-
-    def find_depth(folder: Path) -> None:
-        measured = images.depths is not None
-        found = (
-            placed_views.measured(placed, seen, progress)
-            if measured
-            else surface.depth_images(seen, stereo, progress=progress)
-        )
-        depth_files.write(folder, placed_views.unmasked(placed, found))
-
-    depths = DepthFiles(depth_work.stage(DEPTH, find_depth))
+    depths = placed_views.depth_stage(placed, seen, stereo, depth_work, pool or Threads(THREADS), progress)
     dense_options = options.dense
     if images.depths is not None:
         dense_options = dataclasses.replace(dense_options, least_seen_through=MEASURED_SEEN_THROUGH, contradicted=False)

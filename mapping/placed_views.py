@@ -1,14 +1,21 @@
 """The images of a sparse map as dense reconstruction takes them, with the depth that a sensor measured, and masks."""
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from flight import Progress
-from mapping.dense import surface
-from mapping.dense.stereo import DepthImage
+from mapping.dense import depth_files, surface
+from mapping.dense.depth_files import DepthFiles
+from mapping.dense.stereo import DepthImage, StereoOptions
 from mapping.dense.views import ImageView
 from mapping.sparse.reconstruction import SparseMap
+from mapping.stages import Work
+from mapping.workers import Pool
+
+DEPTH = "depth"
+"""The stage of the depth images."""
 
 
 def views(placed: SparseMap) -> list[ImageView]:
@@ -34,6 +41,20 @@ def views(placed: SparseMap) -> list[ImageView]:
 def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
     """(instant, camera) of the images that are in the map."""
     return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
+
+
+def depth_stage(
+    placed: SparseMap, seen: Sequence[ImageView], options: StereoOptions, work: Work, pool: Pool, progress: Progress
+) -> DepthFiles:
+    """Depth of each image without what masks leave out, measured or found; what was done before is not done again."""
+
+    def find(folder: Path) -> None:
+        if placed.images.depths is not None:
+            depth_files.write(folder, unmasked(placed, measured(placed, seen, progress)))
+        else:
+            depth_files.find(seen, options, folder, tasks=work.tasks(DEPTH), pool=pool, progress=progress)
+
+    return DepthFiles(work.stage(DEPTH, find))
 
 
 def measured(placed: SparseMap, seen: Sequence[ImageView], progress: Progress) -> Iterator[DepthImage]:

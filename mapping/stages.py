@@ -2,8 +2,9 @@
 
 Each stage has a folder of its own, named for it and complete as soon as it has that name. Its file `inputs` holds a
 hash of everything that the result depends on, the stages before it included: a changed image, camera file or option
-makes exactly those stages again that depend on it. It holds the sizes of the stage's files too: one that was cut off
-or removed since (a disk that failed, a copy that was not finished) makes the stage again.
+makes exactly those stages again that depend on it. It holds the sizes of the stage's files too: one that was cut off or
+removed since (a disk that failed, a copy that was not finished) makes the stage again. A stage of many tasks keeps the
+answers of those that are done in the same way.
 """
 
 import contextlib
@@ -26,7 +27,7 @@ from mapping import _mapping
 
 _INPUTS = "inputs"
 _LOCK = "lock"
-_PART = ".part"
+_PART, _TASKS = ".part", ".tasks"
 _LIBRARIES = ("goshawk", "numpy", "scipy", "pycolmap", "opencv-python-headless", "open3d", "open3d-cpu")
 """Packages whose version a result depends on."""
 _FULL_BYTES = 1_000_000
@@ -76,7 +77,20 @@ class Work:
         (part / _INPUTS).write_text(json.dumps({"depends": self.depends.hex(), "files": files}))
         os.sync()
         part.rename(place)
+        shutil.rmtree(self.folder / f"{name}{_TASKS}", ignore_errors=True)
         return self._reached(name, place)
+
+    def tasks(self, name: str) -> Path:
+        """A folder for the answers of a stage's tasks, which an interrupted work of the same inputs finds again.
+
+        It is removed when the stage is finished.
+        """
+        place = self.folder / f"{name}{_TASKS}"
+        if not _is_whole(place, self.depends):
+            shutil.rmtree(place, ignore_errors=True)
+            place.mkdir(parents=True)
+            (place / _INPUTS).write_text(json.dumps({"depends": self.depends.hex(), "files": {}}))
+        return place
 
     def _reached(self, name: str, place: Path) -> Path:
         if name == self.until:
@@ -108,7 +122,7 @@ def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) 
     with _locked(folder) as lock:  # a child process that inherited it holds the lock on
         _remove_unfinished(folder, again)  # of a killed run
         try:
-            yield Work(folder, _program(), lock.fileno(), until)
+            yield Work(folder, program(), lock.fileno(), until)
         except StoppedError:
             raise
         except Exception as error:
@@ -122,9 +136,9 @@ def begin(folder: Path, *, again: Iterable[str] = (), until: str | None = None) 
 
 
 def _remove_unfinished(folder: Path, again: Iterable[str] = ()) -> None:
-    """Remove all but the finished stages, and of those the ones that are to be made again."""
+    """Remove all but the finished stages and answers of tasks, and of those the ones that are to be made again."""
     for entry in folder.iterdir() if folder.exists() else ():
-        if entry.is_dir() and (entry.name in again or not (entry / _INPUTS).is_file()):
+        if entry.is_dir() and (entry.name.removesuffix(_TASKS) in again or not (entry / _INPUTS).is_file()):
             shutil.rmtree(entry)
 
 
@@ -155,15 +169,21 @@ def _taken(lock: int, path: Path) -> bool:
 
 
 @functools.cache
-def _program() -> bytes:
+def program() -> bytes:
     """What else a stage depends on: this package's files, and the libraries that do the work."""
-    whole = hashlib.sha256()
-    for library in _LIBRARIES:
-        with contextlib.suppress(metadata.PackageNotFoundError):  # Open3D has one of two names
-            whole.update(f"{library} {metadata.version(library)}\n".encode())
+    whole = hashlib.sha256("".join(f"{name} {version}\n" for name, version in libraries().items()).encode())
     for file in (*sorted(Path(__file__).parent.rglob("*.py")), Path(_mapping.__file__)):
         whole.update(file.read_bytes())
     return whole.digest()
+
+
+def libraries() -> dict[str, str]:
+    """Versions of the packages that a result depends on, by name."""
+    found = dict[str, str]()
+    for library in _LIBRARIES:
+        with contextlib.suppress(metadata.PackageNotFoundError):  # Open3D has one of two names
+            found[library] = metadata.version(library)
+    return found
 
 
 @contextlib.contextmanager

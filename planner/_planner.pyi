@@ -12,8 +12,12 @@ def search(
     comfort: float,
     price: float,
     greed: float,
+    dearer: Annotated[NDArray[np.float32], "(nx, ny, nz)"] | None = None,
 ) -> NDArray[np.int64]:
-    """Cells (flat indices) of the cheapest way from start to goal; empty if there is none."""
+    """Cells (flat indices) of the cheapest way from start to goal; empty if there is none.
+
+    A step into a cell costs its length, that times a price near obstacles, and that times `dearer` of the cell.
+    """
 
 def bottleneck(distance: Annotated[NDArray[np.float32], "(nx, ny, nz)"], start: int, goal: int) -> int:
     """Cell of the least distance on the way from start to goal that has most room; -1 if there is no way."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flight import FloatArray, InputError, frames
+from flight import FloatArray, InputError, MapError, frames
 from mapping import _mapping
 from mapping.camera.rig import Camera
 from mapping.dense import consistency
@@ -218,17 +218,33 @@ def _match(left: NDArray[np.uint8], right: NDArray[np.uint8], disparities: int, 
 
 def depth_image(views: Sequence[ImageView], index: int, options: StereoOptions) -> DepthImage | None:
     """Depth of one image from its partners; None when it has too few partners."""
-    view = views[index]
-    partners = choose_partners(views, index, options)
+    return depth_beside(views[index], [views[p] for p in choose_partners(views, index, options)], options)
+
+
+def depth_beside(view: ImageView, partners: Sequence[ImageView], options: StereoOptions) -> DepthImage | None:
+    """The same from partners that are chosen already."""
     if len(partners) < options.least_agreeing:
         return None
     rays = depth_rays(view, DEPTH_SCALE)
-    layers = [depth_of_pair(view, views[p], rays, options) for p in partners]
+    layers = [depth_of_pair(view, partner, rays, options) for partner in partners]
     values, deviations, bounds = (np.stack(part) for part in zip(*layers, strict=True))
     value, deviation = _mapping.fuse(values, deviations, options.tolerance, options.least_agreeing)
     bound = agreed_bound(bounds, value, deviation, options.least_agreeing)
     value = without_jumps(value)
     return DepthImage(value, deviation, facing(value, rays), bound, DEPTH_SCALE)
+
+
+def require_depth(found: Sequence[bool], options: StereoOptions) -> None:
+    """Check that there is depth in one of the images at least.
+
+    Raises:
+        MapError: there is none.
+    """
+    if not any(found):
+        raise MapError(
+            f"no depth was found in {len(found)} images: they need to show the same things from places "
+            f"about {options.baseline_ratio:.0%} of the distance apart"
+        )
 
 
 def agreed_bound(bounds: FloatImage, value: FloatImage, deviation: FloatImage, least_agreeing: int) -> FloatImage:

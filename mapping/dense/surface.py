@@ -164,19 +164,15 @@ def depth_images(
     Raises:
         MapError: after the last one, if none of them has any depth.
     """
-    found = False
     depths = workers.in_order(
         lambda index: stereo.depth_image(images, index, options), range(len(images)), threads=THREADS
     )
+    found: list[bool] = []
     for done, depth in enumerate(depths, start=1):
-        found = found or (depth is not None and bool(depth.inverse_range.any()))
+        found.append(depth is not None and bool(depth.inverse_range.any()))
         yield depth
         progress("dense depth", done / len(images))
-    if not found:
-        raise MapError(
-            f"no depth was found in {len(images)} images: they need to show the same things from places "
-            f"about {options.baseline_ratio:.0%} of the distance apart"
-        )
+    stereo.require_depth(found, options)
 
 
 def fuse(

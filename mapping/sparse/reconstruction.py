@@ -26,6 +26,7 @@ from mapping.sparse.mapper.colmap import SparseOptions
 from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.sparse.tracks import Tracks
 from mapping.stages import Work
+from mapping.workers import Pool, Threads
 
 CALIBRATION = "calibration"
 """The stage that ends with the poses adjusted to the camera file's trial."""
@@ -96,6 +97,7 @@ def reconstruct(
     length: Length | None = None,
     references: Path | None = None,
     work: Work | None = None,
+    pool: Pool | None = None,
     progress: Progress = silent,
 ) -> SparseMap:
     """Place the images in a metric, upright world.
@@ -104,6 +106,7 @@ def reconstruct(
         length: a measured length, which then gives the scale.
         references: recorded positions and gravity; `references.csv` of the image folder by default.
         work: keeps finished stages, so that an interrupted work goes on; a temporary folder by default.
+        pool: who matches the images; threads of the child process by default.
 
     Raises:
         MapError: COLMAP failed, fewer than half of the instants could be placed, or nothing gives the scale.
@@ -116,7 +119,7 @@ def reconstruct(
         def place(folder: Path) -> None:
             # a killed process leaves the calls' folders inside the work's, which the next one removes
             run = functools.partial(child.run, within=kept.folder, lock=kept.lock, progress=progress)
-            placed = run(colmap.place_images, images, options, kept)
+            placed = run(colmap.place_images, images, options, kept, pool or Threads())
             model_files.write(folder, run(calibration.calibrate, images, options, placed))
 
         near = pairing.near_in_space(images, options.window)

@@ -27,6 +27,7 @@ from planner.gate import conditions_met, limits, visits
 from planner.gate.limits import Check
 from planner.request import inputs
 from planner.request.conditions import Conditions
+from planner.request.hidden import Paid
 from planner.request.inputs import Request
 from planner.request.options import PlanOptions
 from planner.request.space import DistanceField, Grounded
@@ -68,6 +69,8 @@ class GateReport:
     """How thin an obstacle could hide within the required clearance; None where that is not known (`could_hide`)."""
     thinnest_m: float | None = None
     """The thinnest obstacle that must not; None if that was not asked."""
+    hidden: Paid | None = None
+    """What it pays for space where an obstacle could hide; None where that had no price."""
 
     @property
     def passed(self) -> bool:
@@ -100,6 +103,7 @@ class GateReport:
             "checks": [check.as_dict() for check in self.checks],
             "could_hide": None if self.could_hide is None else self.could_hide.as_dict(),
             "thinnest_m": self.thinnest_m,
+            **({} if self.hidden is None else self.hidden.as_dict()),
         }
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from flight import FlightError, FloatArray, FormatError, InfeasibleError, InputError
 from planner._planner import StopFlag
+from planner.request.hidden import HiddenPrice
 from planner.request.local_margins import LocalMargin, Roomier
 from planner.request.space import DistanceField
 from vehicle import Limits, Vehicle
@@ -31,6 +32,8 @@ class PlanOptions:
     """Margin between that ball and every obstacle, for map and tracking errors."""
     local_margins: tuple[LocalMargin, ...] = field(default=(), repr=False)  # which journals of earlier versions lack
     """More margin in some places, as a preflight asks for it."""
+    hidden: HiddenPrice | None = field(default=None, repr=False, compare=False)
+    """Price on space where an obstacle could hide, for the grid search; None: of ways round obstacles the shortest."""
     waypoint_tolerance_m: float = 0.01
     """How close to a waypoint counts as reached."""
     yaw: YawMode = "along_path"
@@ -87,6 +90,8 @@ class PlanOptions:
             raise InputError(f"look_at_world_m is {self.look_at_world_m}; yaw look_at needs a point to look at")
         if not isfinite(self.heading_rad):
             raise InputError(f"heading_rad is {self.heading_rad}; it must be finite")
+        if self.hidden is not None and (self.search != "grid" or self.method == "bry"):
+            raise InputError("a price of hidden space goes with the grid search, not with a sampling planner")
         for name, known in (("yaw", YAW_MODES), ("method", METHODS), ("search", SEARCHES)):
             if getattr(self, name) not in known:
                 raise InputError(f"{name} is {getattr(self, name)!r}; it must be {' or '.join(known)}")

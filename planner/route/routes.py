@@ -7,6 +7,7 @@ import numpy as np
 from flight import FloatArray, Waypoints
 from planner._planner import StopFlag
 from planner.request import inputs, space
+from planner.request.hidden import HiddenPrice
 from planner.request.inputs import Request
 from planner.request.options import PlanInfeasibleError, PlanOptions, check_stop
 from planner.route import sampling, search
@@ -51,9 +52,13 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions,
     grids: dict[float, search.Lattice] = {}
     found, index = [points[0]], [0]
     for i, line in enumerate(lines):
-        if not line.free:
+        straight = points[i : i + 2]
+        is_hidden = options.hidden is not None and options.hidden.of_lines_m(straight[:1], straight[1:])[0] > 0.0
+        if not line.free or is_hidden:
             check_stop(stop)
             way = way_round(field, points, i, options, grids, stop)
+            if line.free and options.hidden is not None:
+                way = _cheaper(way, straight, options.hidden)
             if way is None:
                 raise _no_way(points[i], points[i + 1], required, line.distance_m, i, grids)
             found += list(way[1:-1])
@@ -61,6 +66,11 @@ def find(waypoints: Waypoints, field: space.DistanceField, options: PlanOptions,
         found.append(points[i + 1])
         index.append(i + 1)
     return Route(np.array(found), np.array(index))
+
+
+def _cheaper(way: FloatArray | None, straight: FloatArray, hidden: HiddenPrice) -> FloatArray:
+    """A way (n, 3) that was searched, if there is one and it costs less than a straight line (2, 3) that is free."""
+    return straight if way is None or hidden.cost_m(way) >= hidden.cost_m(straight) else way
 
 
 def way_round(
@@ -76,7 +86,7 @@ def way_round(
         return _sampled_way(field, points[leg], points[leg + 1], options)
     for margin_m in (options.search_margin_m, 5.0 * options.search_margin_m):
         if margin_m not in grids:
-            grids[margin_m] = search.lattice(field, points, margin_m, stop=stop)
+            grids[margin_m] = search.lattice(field, points, margin_m, hidden=options.hidden, stop=stop)
         way = search.route(
             field, grids[margin_m], points[leg], points[leg + 1], options.planned_clearance_m, options.clearance_m + 0.5
         )

@@ -8,6 +8,7 @@ from flight import FloatArray, portable
 from planner._planner import StopFlag, bottleneck
 from planner._planner import search as grid_search
 from planner.request import space
+from planner.request.hidden import HiddenPrice
 from planner.request.options import Gap, check_stop
 
 _CELLS = 800_000
@@ -35,6 +36,10 @@ class Lattice:
     step_m: float
     distance_m: np.ndarray
     """(nx, ny, nz) float32; minus infinity where unknown."""
+    hidden: HiddenPrice | None = None
+    """Price of a way through space where an obstacle could hide."""
+    dearer: np.ndarray | None = None
+    """(nx, ny, nz) float32, that price at each point."""
 
     def point(self, cells: np.ndarray) -> FloatArray:
         return self.origin_world_m + self.step_m * np.stack(np.unravel_index(cells, self.distance_m.shape), axis=-1)
@@ -74,6 +79,7 @@ def lattice(
     *,
     finest_m: float = _FINEST_M,
     cells: int = _CELLS,
+    hidden: HiddenPrice | None = None,
     stop: StopFlag | None = None,
 ) -> Lattice:
     """Sample the field round `points` (n, 3), one of them exactly on the grid.
@@ -87,6 +93,7 @@ def lattice(
     shape = np.floor((high - low) / step).astype(int) + 1
     axes = [low[i] + step * np.arange(shape[i]) for i in range(3)]
     distances = np.empty(tuple(shape), dtype=np.float32)
+    dearer = None if hidden is None else np.empty_like(distances)
     layer = np.empty((shape[1], shape[2], 3))
     layer[..., 1], layer[..., 2] = axes[1][:, None], axes[2]
     for i, x in enumerate(axes[0]):
@@ -94,7 +101,10 @@ def lattice(
         layer[..., 0] = x
         value = np.asarray(field.distance(layer.reshape(-1, 3)), dtype=np.float64)
         distances[i] = space.certain(field, value).reshape(shape[1], shape[2])
-    return Lattice(low, step, distances)
+        if hidden is not None and dearer is not None:
+            dearer[i] = hidden.per_metre(layer.reshape(-1, 3)).reshape(shape[1], shape[2])
+    is_hidden = dearer is not None and bool(dearer.any())  # where all is well seen the way is that without a price
+    return Lattice(low, step, distances, hidden if is_hidden else None, dearer if is_hidden else None)
 
 
 def narrowest(grid: Lattice, start: FloatArray, goal: FloatArray) -> Gap | None:
@@ -128,11 +138,14 @@ def route(
         first, last = grid.nearest_allowed(start, level), grid.nearest_allowed(goal, level)
         if first < 0 or last < 0:
             continue
-        cells = grid_search(grid.distance_m, first, last, level, max(comfort_m, level), _PRICE, _GREED)
+        greed = _GREED if grid.hidden is None else 1.0  # a way that much dearer may lead through all the hidden space
+        cells = grid_search(
+            grid.distance_m, first, last, level, max(comfort_m, level), _PRICE, greed, dearer=grid.dearer
+        )
         if not len(cells):
             break
         points = np.concatenate([[start], grid.point(cells), [goal]])
-        points = shortcut(points, field, required_m, required_m + 0.05)
+        points = shortcut(points, field, required_m, required_m + 0.05, grid.hidden)
         if all(check.free for check in space.check_lines(field, points[:-1], points[1:], required_m)):
             return points
     gap = narrowest(grid, start, goal)
@@ -154,26 +167,44 @@ def _finer(
     if grid.step_m < 0.03:
         return None
     cells = _CELLS_FINE if hasattr(field, "grid") else _CELLS  # a formula is slow to sample
-    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m, cells=cells)
+    closer = lattice(field, np.stack([start, goal]), 3.0, finest_m=0.5 * grid.step_m, cells=cells, hidden=grid.hidden)
     if closer.step_m > 0.75 * grid.step_m:
         return None
     return route(field, closer, start, goal, required_m, comfort_m)
 
 
-def shortcut(points: FloatArray, field: space.DistanceField, clearance_m: float, comfort_m: float) -> FloatArray:
+def shortcut(
+    points: FloatArray,
+    field: space.DistanceField,
+    clearance_m: float,
+    comfort_m: float,
+    hidden: HiddenPrice | None = None,
+) -> FloatArray:
     """Fewer points (m, 3) along a free path: each point is joined to the farthest one in a free straight line.
 
     A shortcut may come no closer to obstacles than the part it replaces does, or than `comfort_m`, whichever is
-    smaller, and never closer than `clearance_m`. Neighbours are joined in any case.
+    smaller, and never closer than `clearance_m`. Neighbours are joined in any case. Nor may it cost more, where hidden
+    space has a price.
     """
     near = space.distance(field, points)
+    costs_m = None if hidden is None else _costs_m(points, hidden)
     kept, at = [0], 0
     while at < len(points) - 1:
         ahead = np.arange(at + 1, len(points))
         allowed = np.clip(np.minimum.accumulate(near[at:])[1:] - 1e-3, clearance_m, comfort_m)
+        if hidden is not None and costs_m is not None:
+            starts = np.broadcast_to(points[at], (len(ahead), 3))
+            straight_m = np.linalg.norm(points[ahead] - starts, axis=1) + hidden.of_lines_m(starts, points[ahead])
+            allowed = np.where(straight_m > costs_m[ahead] - costs_m[at] + 1e-3, np.inf, allowed)
         at = int(ahead[_farthest_free(points, at, ahead, field, allowed)])
         kept.append(at)
     return points[kept]
+
+
+def _costs_m(points: FloatArray, hidden: HiddenPrice) -> FloatArray:
+    """(n,) cost of a path up to each of its points (n, 3)."""
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1) + hidden.of_lines_m(points[:-1], points[1:])
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _farthest_free(

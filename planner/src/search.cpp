@@ -1,11 +1,13 @@
 // A* on a grid of distances to obstacles: the shortest way with a price on being near them.
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
+#include <optional>
 #include <queue>
 #include <utility>
 #include <vector>
@@ -97,10 +99,11 @@ class Queue {
     size_t first_ = 0;
 };
 
-// Cells with a distance of at least `required` may be entered; below `comfort` a step costs up to 1 + price as much.
-// A way is at most `greed` times as dear as the cheapest one; 1 is exact, more looks at fewer cells.
+// Cells with a distance of at least `required` may be entered; below `comfort` a step costs up to 1 + price as much,
+// and in each cell by `dearer` of its length more, if that is given. A way is at most `greed` times as dear as the
+// cheapest one; 1 is exact, more looks at fewer cells.
 std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_t nz, int64_t start, int64_t goal,
-                           float required, float comfort, float price, float greed) {
+                           float required, float comfort, float price, float greed, const float* dearer) {
     const float scale = comfort > required ? 1.0f / (comfort - required) : 0.0f;
     // With a layer of cells that cannot be entered all round, no step needs to ask whether it leaves the grid.
     const int64_t my = ny + 2, mz = nz + 2;
@@ -108,10 +111,12 @@ std::vector<int64_t> astar(const float* distance, int64_t nx, int64_t ny, int64_
     for (int64_t i = 0; i < nx; ++i)
         for (int64_t j = 0; j < ny; ++j)
             for (int64_t k = 0; k < nz; ++k) {
-                const float d = distance[(i * ny + j) * nz + k];
+                const int64_t cell = (i * ny + j) * nz + k;
+                const float d = distance[cell];
                 if (!(d >= required)) continue;
                 const float lack = std::max(0.0f, (comfort - d) * scale);
-                cells[((i + 1) * my + j + 1) * mz + k + 1].price = 1.0f + price * lack * lack;
+                const float more = dearer ? dearer[cell] : 0.0f;
+                cells[((i + 1) * my + j + 1) * mz + k + 1].price = 1.0f + price * lack * lack + more;
             }
     const auto padded = [&](int64_t cell) {
         return ((cell / (ny * nz) + 1) * my + cell / nz % ny + 1) * mz + cell % nz + 1;
@@ -184,14 +189,15 @@ int64_t bottleneck(Grid distance, int64_t start, int64_t goal) {
                            goal);
 }
 
-Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price, float greed) {
+Path search(Grid distance, int64_t start, int64_t goal, float required, float comfort, float price, float greed,
+            std::optional<Grid> dearer) {
     auto* found = new std::vector<int64_t>();
     nb::capsule owner(found, [](void* p) noexcept { delete static_cast<std::vector<int64_t>*>(p); });
     {
         nb::gil_scoped_release release;
-        *found =
-            astar(distance.data(), static_cast<int64_t>(distance.shape(0)), static_cast<int64_t>(distance.shape(1)),
-                  static_cast<int64_t>(distance.shape(2)), start, goal, required, comfort, price, greed);
+        *found = astar(distance.data(), static_cast<int64_t>(distance.shape(0)),
+                       static_cast<int64_t>(distance.shape(1)), static_cast<int64_t>(distance.shape(2)), start, goal,
+                       required, comfort, price, greed, dearer ? dearer->data() : nullptr);
     }
     return Path(found->data(), {found->size()}, owner);
 }
@@ -200,6 +206,6 @@ void bind_search(nb::module_& m) {
     m.def("bottleneck", &bottleneck, nb::arg("distance"), nb::arg("start"), nb::arg("goal"),
           "Cell of the least distance on the way from start to goal that has most room; -1 if there is no way.");
     m.def("search", &search, nb::arg("distance"), nb::arg("start"), nb::arg("goal"), nb::arg("required"),
-          nb::arg("comfort"), nb::arg("price"), nb::arg("greed"),
+          nb::arg("comfort"), nb::arg("price"), nb::arg("greed"), nb::arg("dearer") = nb::none(),
           "Cells (flat indices) of the cheapest way from start to goal; empty if there is none.");
 }

@@ -1,6 +1,7 @@
 """Files for and from other tools."""
 
 import struct
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -92,6 +93,39 @@ def test_damaged_and_foreign_layers_are_refused(tmp_path):
         import_layer(path)
     with pytest.raises(InputError):
         import_layer(tmp_path / "none")
+
+
+def test_a_layer_is_written_block_by_block(tmp_path):
+    """Beside the field no more memory than a block needs: a hall has 400 million voxels."""
+    field = build(np.ones((96, 96, 96), np.uint8), Grid((0, 0, 0), (0.1, 0.1, 0.1), (96, 96, 96)), cap_m=1.0)
+    tracemalloc.start()
+    try:
+        export_layer(tmp_path / "layer", field)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 3 * field.grid.voxels < (tmp_path / "layer").stat().st_size
+
+
+def test_of_several_layers_in_a_file_the_first_is_read_and_the_others_are_whole(tmp_path):
+    tsdf, other = hand_written_layer("tsdf", [1] * 1536), hand_written_layer("esdf", [0] * 1024)
+    (tmp_path / "both").write_bytes(tsdf + other)
+    layer = import_layer(tmp_path / "both")
+    assert (layer.kind, layer.layers) == ("tsdf", 2)
+    for behind in (other[:-1], other[:30], b"\x00", b"rubbish"):
+        (tmp_path / "both").write_bytes(tsdf + behind)
+        with pytest.raises(FormatError, match="both is not a whole voxblox layer"):
+            import_layer(tmp_path / "both")
+
+
+@pytest.mark.parametrize("origin", [(0.05, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.inf)])
+def test_a_block_that_starts_beside_the_lattice_is_refused(tmp_path, origin):
+    (tmp_path / "layer").write_bytes(hand_written_layer("esdf", [0] * 1024, origin=origin))
+    with pytest.raises(FormatError, match=r"no multiple of the voxel of 0\.1 m"):
+        import_layer(tmp_path / "layer")
+    rounded = tuple(float(np.float32(a)) for a in (1234.4, -0.8, 1.6))  # as voxblox writes it
+    (tmp_path / "layer").write_bytes(hand_written_layer("esdf", [0] * 1024, origin=rounded))
+    np.testing.assert_allclose(import_layer(tmp_path / "layer").grid.origin_world_m, (1234.4, -0.8, 1.6))
 
 
 def test_a_lattice_that_voxblox_cannot_hold_is_refused(tmp_path):

@@ -53,16 +53,43 @@ def test_a_finished_stage_is_not_made_again(tmp_path: Path) -> None:
     assert made == ["first"]
 
 
+def begun(folder: Path, option: int, *, again: tuple[str, ...] = (), ends: bool = False) -> list[str]:
+    """What an interrupted stage of many tasks finds of an earlier try; it leaves one more, or ends."""
+    found: list[str] = []
+
+    def make(part: Path) -> None:
+        tasks = work.on(option).tasks("many")
+        found.extend(sorted(file.name for file in tasks.iterdir() if file.name != "inputs"))
+        (tasks / str(len(found))).touch()
+        if not ends:
+            raise KeyboardInterrupt
+
+    with contextlib.suppress(KeyboardInterrupt), stages.begin(folder, again=again) as work:
+        work.on(option).stage("many", make)
+        assert not (folder / "many.tasks").exists()
+    return found
+
+
+def test_what_was_done_of_an_interrupted_stage_is_found_again_if_its_inputs_are_the_same(tmp_path: Path) -> None:
+    assert begun(tmp_path / "w", 1) == []
+    assert begun(tmp_path / "w", 1) == ["0"]
+    assert begun(tmp_path / "w", 2) == []
+    assert begun(tmp_path / "w", 2) == ["0"]
+    assert begun(tmp_path / "w", 2, again=("many",)) == []
+    assert begun(tmp_path / "w", 2, ends=True) == ["0"]
+    assert begun(tmp_path / "w", 3) == []
+
+
 @pytest.mark.parametrize("library", ["pycolmap", "open3d-cpu", "scipy"])
 def test_another_version_of_a_library_makes_every_stage_again(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     version = metadata.version
-    before = stages._program()
+    before = stages.program()
     monkeypatch.setattr(metadata, "version", lambda name: "0" if name == library else version(name))
-    stages._program.cache_clear()
-    assert stages._program() != before
+    stages.program.cache_clear()
+    assert stages.program() != before
     monkeypatch.undo()
-    stages._program.cache_clear()
-    assert stages._program() == before
+    stages.program.cache_clear()
+    assert stages.program() == before
 
 
 def test_a_changed_input_makes_what_depends_on_it_again(tmp_path: Path) -> None:
@@ -211,7 +238,7 @@ def test_another_version_of_the_program_makes_every_stage_again(
 ) -> None:
     made: list[str] = []
     for version in (b"1", b"1", b"2"):
-        monkeypatch.setattr(stages, "_program", lambda version=version: version)
+        monkeypatch.setattr(stages, "program", lambda version=version: version)
         with stages.begin(tmp_path / "w") as work:
             work.stage("first", count(made, "first"))
     assert made == ["first", "first"]

@@ -9,6 +9,7 @@ import click
 
 import mapping
 from flight import InputError, results
+from goshawk.commands.map import task_cluster
 from goshawk.terminal import console, outputs
 from mapping import map_folder, stages
 from mapping.camera.trial import SIGMAS95
@@ -17,6 +18,7 @@ from mapping.input import examination, trajectory
 from mapping.input.source import Source
 from mapping.sparse.mapper.overlap import UnplacedRun
 from mapping.verdict import Standing
+from mapping.workers import Pool
 
 VOXEL_M, FARTHEST_M, THINNEST_M, CARRIER_M = (0.005, 10.0), (0.1, 1000.0), (0.001, 1.0), (0.01, 2.0)
 """Bounds of the options: finer voxels need too much memory."""
@@ -79,6 +81,7 @@ def _recorded(verb: Any) -> Any:
     "--from-stage", "again_from", type=click.Choice(map_folder.STAGES), help="Make this stage and those after it again."
 )
 @click.option("--until-stage", "until", type=click.Choice(map_folder.STAGES), help="Stop after this stage.")
+@click.option("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers do the work instead.")
 @outputs.overwrite_option
 @console.common_options
 def build(
@@ -100,6 +103,7 @@ def build(
     carrier_radius_m: float,
     again_from: str | None,
     until: str | None,
+    scheduler: str | None,
     overwrite: bool,
     as_json: bool,
 ) -> int:
@@ -109,6 +113,7 @@ def build(
     goshawk map build images --camera images/camera.toml --out map
     goshawk map build walk.mp4 --camera gopro.toml --out map --length 13.2
     goshawk map build rgb --depth depth --camera kinect.toml --out map
+    goshawk map build images --camera images/camera.toml --scheduler tcp://192.168.1.10:8786 --out map
 
     IMAGES holds one folder per camera of the rig (or the images themselves, for one camera); the same file name
     means the same instant. The metric scale comes from depth images, --length, the distance between the cameras of a
@@ -122,8 +127,9 @@ def build(
     Space is free where three images saw through it, and where the vehicle or person that carried the cameras must have
     been: --carrier-radius states how far about each camera. Measured surfaces stay occupied.
 
-    An interrupted run leaves its finished stages in OUT.work; the same command goes on from there. So does one
-    after --until-stage.
+    An interrupted run leaves its finished stages in OUT.work, and pairs matched or depth found so far; the same command
+    goes on from there. So does one after --until-stage. Workers of a --scheduler match images and find depth. They are
+    sent what they need, and need no files, but the same build and libraries; the map is the same.
 
     The camera file is put on trial: what it gets wrong is corrected where a camera file can state it (`goshawk camera
     diagnose MAP` shows all of it). The verdict is good, doubtful (`goshawk plan` then asks) or refused, with reasons.
@@ -144,7 +150,10 @@ def build(
         references=references,
     )
     rig = mapping.rig.load(camera)
-    report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until)
+    pool = task_cluster.DaskWorkers(scheduler) if scheduler is not None else None
+    if pool is not None:
+        pool.require_scheduler()
+    report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until, pool=pool)
     if report is not None:
         return _show(report, out, as_json=as_json)
     if as_json:
@@ -224,6 +233,7 @@ def _made(
     overwrite: bool,
     again_from: str | None,
     until: str | None,
+    pool: Pool | None,
 ) -> mapping.MapReport | None:
     """Make the map, and say what is used again and what is kept; None if it was to stop after the stage `until`."""
     earlier = results.newest_kept(out)
@@ -231,7 +241,15 @@ def _made(
     with console.progress() as progress:
         try:
             report = mapping.build_map(
-                images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until, progress=progress
+                images,
+                rig,
+                out,
+                options,
+                overwrite=overwrite,
+                again_from=again_from,
+                until=until,
+                pool=pool,
+                progress=progress,
             )
         except stages.StoppedError as stopped:
             console.note(f"{stopped}; the same command without --until-stage continues from there")

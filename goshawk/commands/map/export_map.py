@@ -1,6 +1,6 @@
 """`goshawk map export`: a map for other programs: mesh, points, grids, a COLMAP model, an OctoMap."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import click
@@ -8,6 +8,7 @@ import numpy as np
 
 import esdf
 import mapping
+from esdf import exchange_vdb, exchange_voxblox
 from flight import InputError, results
 from goshawk.terminal import console, outputs
 from mapping import foreign_mesh, map_server
@@ -22,6 +23,8 @@ KINDS: Mapping[str, tuple[str, ...]] = {
     "points": (".ply",),
     "ros": (".pgm",),
     "octomap": (".bt",),
+    "voxblox": (".vxblx",),
+    "volume": (".vdb",),
     "dem": (".asc",),
     "distances": (".ply",),
     "colmap": ("",),
@@ -36,7 +39,10 @@ _NEAR_M = 0.15
 @click.command()
 @click.argument("map_folder", metavar="MAP", type=click.Path(path_type=Path))
 @console.path_option(
-    "--out", "out", "File to write (.ply, .obj, .stl, .glb, .usda, .pgm, .bt, .asc), or folder.", required=True
+    "--out",
+    "out",
+    "File to write (.ply, .obj, .stl, .glb, .usda, .pgm, .bt, .vxblx, .vdb, .asc), or folder.",
+    required=True,
 )
 @click.option("--as", "kind", type=click.Choice(list(KINDS)), help="What to export [default: by the end of --out].")
 @click.option(
@@ -54,13 +60,16 @@ def export(
     goshawk map export map --out room.ply --as points     # the mesh's vertices with standard deviations
     goshawk map export map --out room.pgm --height 1.2    # slice, with a YAML file for ROS map_server
     goshawk map export map --out room.bt                  # OctoMap
+    goshawk map export map --out room.vxblx               # ESDF layer of voxblox
+    goshawk map export map --out room.vdb                 # distances as an OpenVDB volume
     goshawk map export map --out room.asc                 # elevation model: the highest surfaces, an ESRI ASCII grid
     goshawk map export map --out esdf.ply --as distances --height 1.2  # slice of the distance field; without: all of it
     goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
-    Up is z, in OBJ and GLB y. Slices, OctoMap and elevation model have the pilot's edits, meshes and points have none.
-    `goshawk map import` reads all again but distances and COLMAP models; only slice and OctoMap say which space is
-    free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are known.
+    Up is z, in OBJ and GLB y. Slices, grids and elevation model have the pilot's edits, meshes and points have none.
+    `goshawk map import` reads all again but distances and COLMAP models; slice, OctoMap and voxblox layer say which
+    space is free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are
+    known.
     """
     kind = _kind(out, kind)
     if kind == "ros" and height_m is None:
@@ -74,7 +83,7 @@ def export(
     yaml = out.with_suffix(".yaml") if kind == "ros" else None
     outputs.check(out, yaml, overwrite=overwrite)
     area = mapping.open_map(map_folder)
-    written = {out: b""}
+    written: dict[Path, bytes | Callable[[Path], None]] = {}
     facts: dict[str, object] = {"map_hash": area.hash}
     if kind == "ros" and yaml is not None and height_m is not None:
         image = map_server.slice_at(area.field, height_m)
@@ -82,6 +91,10 @@ def export(
         facts |= _shares(image)
     elif kind == "octomap":
         written[out] = octomap.encode(area.field)
+        facts |= _shares(area.field.state)
+    elif kind in ("voxblox", "volume"):
+        write = exchange_vdb.export_vdb if kind == "volume" else exchange_voxblox.export_layer
+        written[out] = lambda place: write(place, area.field)  # a large one at once to the disk
         facts |= _shares(area.field.state)
     elif kind == "dem":
         written[out], facts["cells with a height"] = _elevation(area)
@@ -97,7 +110,7 @@ def export(
             facts |= {"triangles": len(faces), "up": surfaces.UP[out.suffix.lower()]}
     for path, data in written.items():
         with outputs.file(path, overwrite=overwrite) as temporary:
-            temporary.write_bytes(data)
+            data(temporary) if callable(data) else temporary.write_bytes(data)
     _show(map_folder, facts, list(written), as_json=as_json)
 
 

@@ -22,6 +22,7 @@ _A_KIND = {
     "cloud": "a cloud of points",
     "map": "a two-dimensional map",
     "octomap": "an OctoMap",
+    "voxblox": "a voxblox layer",
     "dem": "an elevation model",
 }
 _OF_SHAPES, _OF_CLOUDS, _OF_PLACES = ("mesh", "cloud"), ("cloud",), ("mesh", "cloud", "dem")
@@ -57,6 +58,7 @@ _MAKES_FREE = {
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
     "octomap": "it states none",
+    "voxblox": "it states none",
     "dem": "state it, by --heights LOW,HIGH",
 }
 
@@ -136,10 +138,10 @@ def import_(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of another program's mesh, points, OctoMap, ROS map or elevation model.
+    """Make a map of another program's mesh, points, OctoMap, voxblox layer, ROS map or elevation model.
 
-    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; ROS maps map_server's
-    YAML; elevation models ASC or GeoTIFF.
+    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; layers VXBLX; ROS maps
+    map_server's YAML; elevation models ASC or GeoTIFF.
 
     \b
     goshawk map import room.ply --out map --dry-run
@@ -162,7 +164,8 @@ def import_(
     axes, of the sensor itself. --observed passes no hole up to --gap wide, and stays half of it away from points.
     Several FILEs are scans in one frame, each with its own place.
 
-    An OctoMap states what is free, occupied and unknown, and is taken as it is.
+    An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so. Of
+    distances, voxels within half their diagonal of a surface are occupied: a map that was exported comes back thicker.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
@@ -199,8 +202,8 @@ def import_file(
     progress("read the file", 0.0)
     if kind == "map":
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
-    elif kind == "octomap":
-        mesh, space, facts = _octomap(file)
+    elif kind in ("octomap", "voxblox"):
+        mesh, space, facts = _voxels(file, kind)
     elif kind == "dem":
         mesh, space, facts = _elevation(file, asked, origin)
     elif kind == "cloud":
@@ -256,10 +259,12 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    from mapping.cloud import columns, height_field, octomap_file, point_file
+    from mapping.cloud import columns, height_field, octomap_file, point_file, voxblox_file
 
     if suffix in octomap_file.SUFFIXES:
         return "octomap"
+    if suffix == voxblox_file.SUFFIX:
+        return "voxblox"
     if suffix in height_field.SUFFIXES:
         return "dem"
     if suffix in columns.SUFFIXES and suffix != ".ply":
@@ -330,17 +335,18 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     return mesh, space, _triangles(mesh) | cells
 
 
-def _octomap(file: Path) -> tuple[Any, Any, dict[str, Any]]:
-    """The sides of what is occupied, the voxels of an OctoMap, and facts about them."""
+def _voxels(file: Path, kind: str) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of an OctoMap or voxblox layer, and facts about them."""
     from mapping import foreign_mesh
-    from mapping.cloud import occupancy, octomap_file
+    from mapping.cloud import occupancy, octomap_file, voxblox_file
 
-    space = octomap_file.read(file)
+    space = octomap_file.read(file) if kind == "octomap" else voxblox_file.read(file)
     vertices, faces, _ = occupancy.surface(space)
     if not len(faces):
         raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
-    mesh = foreign_mesh.ForeignMesh(vertices, faces, "m (OctoMap's rule)", "z (OctoMap's rule)", 0)
-    return mesh, space, _triangles(mesh)
+    rule = f"({'OctoMap' if kind == 'octomap' else 'voxblox'}'s rule)"
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, f"m {rule}", f"z {rule}", 0)
+    return mesh, space, _triangles(mesh) | ({"layer": space.of} if space.of else {})
 
 
 def _triangles(mesh: Any) -> dict[str, Any]:
@@ -396,7 +402,8 @@ def _contents(kind: str, document: dict[str, Any]) -> dict[str, object]:
         said = f"{document['cells_without_data']:,} of {document['cells']:,} cells without data"
         return {"triangles": document["triangles"], "heights": said}
     if kind != "cloud":
-        return {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
+        triangles = {"triangles": f"{document['triangles']}, {document['open_edges']} edges at holes"}
+        return {**triangles, **{name: document[name] for name in ("layer",) if name in document}}
     found: dict[str, object] = {"points": document["points"]}
     if document["not_finite"]:
         found["left out"] = f"{document['not_finite']} points that are not finite"

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from flight import InputError, Progress, file_format
-from goshawk.commands.plan import batch_cluster
+from goshawk.commands.plan import batch_cluster, cluster
 from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Item, Kind, Row, Work
 
 VERSION = 1
@@ -94,10 +94,10 @@ def run(
             else:
                 with _executor(jobs) as executor:
                     _work_on_all(executor, todo, job, record)
-        except batch_cluster.ClusterError as error:
+        except cluster.ClusterError as error:
             so_far = f"{len(done)} of {len(items)} {job.kind.noun} are recorded in {job.out}"
             goes_on = f"the same command {job.kind.does} the others"
-            raise batch_cluster.ClusterError(f"{error}; {so_far}, and {goes_on}") from error
+            raise cluster.ClusterError(f"{error}; {so_far}, and {goes_on}") from error
         finally:
             rows = [{k: v for k, v in done[p.stem].items() if k != "key"} for p in items if p.stem in done]
             if rows:

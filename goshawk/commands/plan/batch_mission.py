@@ -51,6 +51,8 @@ class Job:
     """Obstacles so thick must not be able to hide within the clearance; None: not asked."""
     again: Again | None = None
     """What a preflight asks for on legs; the margins are in the options."""
+    hidden_price: float | None = None
+    """Of space where an obstacle could hide, beside that; None: not asked."""
     overwrite: bool = False
     inputs: bytes = b""
     """Hash of map, vehicle and options: a worker that lives on reads changed files again."""
@@ -123,6 +125,7 @@ def inputs_hash(job: Job) -> bytes:
     asked = (area.field.hash, drone, job.options, job.laps, job.yaw, job.keep_in)
     asked = asked if job.thinnest_m is None else (*asked, job.thinnest_m)  # else as in journals of earlier versions
     asked = asked if job.again is None else (*asked, job.again)
+    asked = asked if job.hidden_price is None else (*asked, "hidden price", job.hidden_price)
     asked = asked if not job.options.local_margins else (*asked, job.options.local_margins)
     return hashlib.sha256(repr(asked).encode()).digest()
 
@@ -139,7 +142,8 @@ def plan_one(path: Path, job: Job) -> Row:
     try:
         asked = waypoints_file.load_mission(path)
         area, drone, free, field = _world(job.map_folder, job.vehicle_file, job.thinnest_m, job.inputs)
-        plan = thin_obstacles.plan(job.asked(asked), area, field, drone, job.options, free, job.thinnest_m)
+        wanted = thin_obstacles.priced(job.options, area, free, job.hidden_price)
+        plan = thin_obstacles.plan(job.asked(asked), area, field, drone, wanted, free, job.thinnest_m)
         trajectory_path(job.out, path.stem).parent.mkdir(exist_ok=True)
         with results.new_file(trajectory_path(job.out, path.stem), overwrite=True) as placing:
             planner.save_plan(placing.temporary, plan, name=path.stem)

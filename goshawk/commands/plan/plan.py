@@ -89,8 +89,9 @@ def plan_one(
         asked, left_out = mission_along(file, tolerance_m, field, job)
     else:
         asked, left_out = job.asked(waypoints_file.load_mission(file)), None
+    options = thin_obstacles.priced(job.options, area, free, job.hidden_price)
     with console.progress() as report:
-        plan = thin_obstacles.plan(asked, area, field, drone, job.options, free, job.thinnest_m, progress=report)
+        plan = thin_obstacles.plan(asked, area, field, drone, options, free, job.thinnest_m, progress=report)
     with outputs.file(job.out, overwrite=job.overwrite) as temporary:
         planner.save_plan(temporary, plan, name=job.out.stem)
     surface = area.surface()
@@ -148,6 +149,10 @@ def _show(
     shown |= {check.name: f"{check.value:.1f} of {check.bound:g} {check.unit}" for check in jerks}
     document = facts | {"could_hide": checked["could_hide"], "check": checked}
     document |= {vehicle.purpose.KEY: vehicle.purpose.not_for_design(drone)}
+    if plan.gate.hidden is not None:
+        paid_m = plan.gate.hidden.paid_m
+        shown["price of hidden space"] = f"{paid_m:.1f} m, by which the way counts as longer than it is"
+        document["hidden_price_paid_m"] = paid_m
     if nearest is not None:
         shown["measured surface"] = _surface(nearest)
         document["nearest_surface"] = asdict(nearest)

@@ -17,6 +17,7 @@ from goshawk.commands.plan.batch_mission import Job
 from goshawk.terminal import console, outputs
 from goshawk.terminal.records import options_as
 from planner.request import options
+from planner.request.hidden import require_price
 
 _SLOWER = {
     "speed_m_s": ("--speed", "m/s"),
@@ -86,6 +87,12 @@ _OPTIONS = (
         type=float,
         help="Obstacle thickness, metres: keep out of space where one could hide [default: not asked].",
     ),
+    click.option(
+        "--hidden-price",
+        "hidden_price",
+        type=float,
+        help="Metres of detour for a metre less of space where anything could hide [default: none].",
+    ),
     map_standing.accept_option,
     outputs.overwrite_option,
 )
@@ -113,6 +120,7 @@ class Asked:
     laps: int | None
     keep_in_m: float | None
     thinnest_m: float | None
+    hidden_price: float | None
     accept_doubtful: bool
     overwrite: bool
 
@@ -144,6 +152,7 @@ class Asked:
             None if self.keep_in_m is None else KeepIn(self.keep_in_m),
             self.thinnest_m,
             again,
+            hidden_price=self.hidden_price if self.hidden_price is None else require_price(self.hidden_price),
             overwrite=self.overwrite,
         )
 

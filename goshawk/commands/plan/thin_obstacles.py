@@ -10,6 +10,7 @@ from mapping import Map
 from mapping.free_space import FreeSpace
 from planner import mission
 from planner.gate import could_hide, gate
+from planner.request.hidden import HiddenPrice
 from vehicle import Vehicle
 
 
@@ -29,6 +30,21 @@ def field_to_plan_in(area: Map, free: FreeSpace | None, thinnest_m: float | None
     return free.resolving(thinnest_m)
 
 
+def priced(
+    options: planner.PlanOptions, area: Map, free: FreeSpace | None, hidden_price: float | None
+) -> planner.PlanOptions:
+    """The options with a price on space where an obstacle could hide, if one is given.
+
+    Raises:
+        InputError: the price is out of its range, or what the map's images resolve is not known.
+    """
+    if hidden_price is None:
+        return options
+    if free is None:
+        raise InputError(f"{area.folder} has no images: what could hide in it is not known; leave out --hidden-price")
+    return replace(options, hidden=HiddenPrice(hidden_price, free))
+
+
 def free_share(field: esdf.Field, area: Map) -> float:
     """Share of the map's free space that is free in that field, too."""
     return float((field.state == esdf.FREE).sum()) / max(1.0, float((area.field.state == esdf.FREE).sum()))
@@ -45,7 +61,8 @@ def plan(
     *,
     progress: Progress = silent,
 ) -> planner.Plan:
-    """Plan in a field of `field_to_plan_in`; the gate's report is about the map itself, and says what could hide.
+    """Plan in a field of `field_to_plan_in`; the gate's report is about the map itself, and says what could hide
+    and what was paid for it.
 
     Raises:
         InfeasibleError, InputError: as `planner.mission.plan`.
@@ -63,6 +80,7 @@ def plan(
             conditions=report.conditions,
         )
     report = could_hide.add(report, found.trajectory, free, thinnest_m)
+    report = report if options.hidden is None else replace(report, hidden=options.hidden.paid(found.trajectory))
     if not report.passed:
         first = report.failures[0]
         raise InfeasibleError(f"the plan fails in the map: {first.name} ({first.reason}); keep more margin")

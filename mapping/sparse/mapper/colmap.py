@@ -5,8 +5,8 @@ import dataclasses
 import json
 import logging
 import shutil
+import tempfile
 import time
-from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,26 +14,20 @@ from typing import Any
 import numpy as np
 
 from flight import FloatArray, InputError, MapError, Progress
-from mapping import workers
 from mapping.camera.rig import Rig
 from mapping.input.images import ImageSet
-from mapping.sparse.features import features, matching, repetition
-from mapping.sparse.mapper import agreement, colmap_model, growth, known_poses, pairing, rgbd
+from mapping.sparse.features import features, repetition
+from mapping.sparse.mapper import agreement, colmap_model, growth, known_poses, matched_pairs, pairing, rgbd
 from mapping.sparse.mapper.known_poses import KnownPoses
 from mapping.stages import Work
+from mapping.workers import Pool, Threads
 
 logger = logging.getLogger(__name__)
 
-_MATCHES = "matching features"
 _MAPPING = "placing images"
 _REFINING = "refining"
 _DATABASE = "database.db"
 _SIGNATURES, _REPEATED, _BY_MOTION = "signatures.npz", "repeated.npy", "by_motion.json"
-_CHUNK = 100
-_LEAST_TRIALS = 30
-"""At least, to verify the matches of a pair; the confidence of .999 asks for more where fewer than nine tenths agree.
-COLMAP's own 100 take 1.6 times as long and find .01 % more."""
-
 _REPAIRS = 4
 
 _LEAST_IMAGES = 2
@@ -86,14 +80,16 @@ class PlacedImages:
     """By the kind of such a recording: the instants at which the matches agree with its poses."""
 
 
-def place_images(images: ImageSet, options: SparseOptions, work: Work, *, progress: Progress) -> PlacedImages:
+def place_images(
+    images: ImageSet, options: SparseOptions, work: Work, pool: Pool, *, progress: Progress
+) -> PlacedImages:
     """Features, matches and poses of an image set; finished stages of `work` are not done again."""
     watch = Stopwatch()
     work = work.on(options)
     extracted = work.stage(FEATURES, lambda folder: _features(folder, images, options, progress))
     watch.lap("features")
     work = work.on(pairing.near_in_space(images, options.window))
-    matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, progress))
+    matched = work.stage(MATCHES, lambda folder: _matches(folder, extracted, images, options, work, pool, progress))
     watch.lap("matches")
     database = matched / _DATABASE
     repeated = float(np.percentile(np.load(extracted / _REPEATED), 75.0))
@@ -112,11 +108,19 @@ def _features(folder: Path, images: ImageSet, options: SparseOptions, progress: 
     np.save(folder / _REPEATED, repeated)
 
 
-def _matches(folder: Path, extracted: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
+def _matches(
+    folder: Path,
+    extracted: Path,
+    images: ImageSet,
+    options: SparseOptions,
+    work: Work,
+    pool: Pool,
+    progress: Progress,
+) -> None:
     shutil.copyfile(extracted / _DATABASE, folder / _DATABASE)
     with np.load(extracted / _SIGNATURES, allow_pickle=False) as kept:
         signatures = [kept[name] for name in kept.files]
-    match(folder / _DATABASE, images, signatures, options, progress)
+    match(folder / _DATABASE, images, signatures, options, progress, tasks=work.tasks(MATCHES), pool=pool)
 
 
 def _placed(folder: Path, database: Path, images: ImageSet, options: SparseOptions, progress: Progress) -> None:
@@ -200,42 +204,29 @@ def _write_rig(opened: Any, rig: Rig) -> None:
 
 
 def match(
-    database: Path, images: ImageSet, signatures: list[np.ndarray], options: SparseOptions, progress: Progress
+    database: Path,
+    images: ImageSet,
+    signatures: list[np.ndarray],
+    options: SparseOptions,
+    progress: Progress,
+    *,
+    tasks: Path | None = None,
+    pool: Pool | None = None,
 ) -> None:
-    """Match neighbours in time, the cameras of the rig with each other, and similar images anywhere."""
-    import pycolmap
+    """Match neighbours in time, the cameras of the rig with each other, and similar images anywhere.
 
-    progress(_MATCHES, 0.0)
+    Args:
+        tasks: folder that keeps what is done if this is interrupted; None: nothing is kept.
+        pool: threads of this process by default.
+    """
     near = pairing.near_in_space(images, options.window)
     pairs = pairing.choose(images.pairs(), signatures, window=options.window, similar=options.similar, near=near)
-    verification = pycolmap.TwoViewGeometryOptions()
-    verification.ransac.random_seed = options.seed
-    verification.ransac.min_num_trials = _LEAST_TRIALS
-    listed = database.parent / "pairs.txt"
-    done = 0
-    for chunk in _chunks(pairs, _CHUNK):
-        names = [(images.relative(*a), images.relative(*b)) for a, b in chunk]
-        _write_matches(database, names)
-        listed.write_text("\n".join(f"{a} {b}" for a, b in names), encoding="utf-8")
-        pycolmap.verify_matches(database, listed, verification)
-        done += len(chunk)
-        progress(_MATCHES, done / len(pairs))
-
-
-def _write_matches(database: Path, names: list[tuple[str, str]]) -> None:
-    """Match the features of pairs of images, given by their names; the matches are still to be verified.
-
-    Pairs that were matched before keep their matches, which do not depend on the lens.
-    """
-    import pycolmap
-
-    with pycolmap.Database.open(database) as opened, pycolmap.DatabaseTransaction(opened):
-        ids = {row.name: row.image_id for row in opened.read_all_images()}
-        pairs = [(ids[a], ids[b]) for a, b in names if not opened.exists_matches(ids[a], ids[b])]
-        descriptors = {k: features.unit(opened.read_descriptors(k).data) for k in {k for pair in pairs for k in pair}}
-        found = workers.in_order(lambda pair: matching.match(descriptors[pair[0]], descriptors[pair[1]]), pairs)
-        for (a, b), matches in zip(pairs, found, strict=True):
-            opened.write_matches(a, b, matches.astype(np.uint32))
+    names = [(images.relative(*a), images.relative(*b)) for a, b in pairs]
+    with contextlib.ExitStack() as kept:
+        folder = tasks or Path(kept.enter_context(tempfile.TemporaryDirectory(dir=database.parent)))
+        matched_pairs.write(
+            database, names, seed=options.seed, folder=folder, pool=pool or Threads(), progress=progress
+        )
 
 
 def place_beside(
@@ -368,7 +359,3 @@ def refine(database: Path, model: Any, rig: Rig, options: SparseOptions, progres
         if len(rig) > 1 and not pycolmap.align_reconstruction_to_orig_rig_scales(cache.rigs, model):
             raise MapError(f"{_REFINING}: the distance between the cameras of the rig could not be restored")
     progress(_REFINING, 1.0)
-
-
-def _chunks(items: list[Any], size: int) -> Iterable[list[Any]]:
-    return (items[start : start + size] for start in range(0, len(items), size))

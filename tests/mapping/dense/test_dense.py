@@ -1,18 +1,23 @@
 """Dense depth and reconstruction against the rendered room, whose surfaces are known in closed form."""
 
 import dataclasses
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from esdf import FREE, OCCUPIED, UNKNOWN
-from flight import MapError, frames
+from flight import MapError, frames, silent
 from goshawk.rendered import scene as rendered_room
 from goshawk.rendered import world as rendered_world
-from mapping import _mapping
+from mapping import _mapping, placed_views, stages
 from mapping.dense import stereo, surface
+from mapping.dense.depth_files import DepthFiles
 from mapping.dense.surface import DenseOptions, ImageView, StereoOptions
 from mapping.dense.views import lens_row
+from mapping.workers import Threads
 
 SCENE = rendered_room.furnished()
 RIG = rendered_world.default_rig(0.5)
@@ -119,6 +124,40 @@ def test_depth_of_the_room_is_recovered(views: list[ImageView], index: int) -> N
     # the stated standard deviation is an honest one: 68 % within one, 95 % within two, give or take
     error = np.abs(depth.inverse_range[known] - 1.0 / truth[known]) / depth.deviation[known]
     assert 0.5 < np.quantile(error, 0.68) < 1.8
+
+
+class Counting(Threads):
+    """Threads that count the images they were given."""
+
+    given = 0
+
+    def each(self, work, tasks, take, stage="", progress=silent) -> None:
+        chosen = list(tasks)
+        self.given += len(chosen)
+        super().each(work, chosen, take, stage, progress)
+
+
+def test_depth_that_was_found_outlives_an_interrupt_while_its_stage_is_written(
+    views: list[ImageView], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pool = Counting(2)
+    placed: Any = SimpleNamespace(images=SimpleNamespace(depths=None))  # the rest is asked only of measured depth
+
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    def found() -> DepthFiles:
+        with stages.begin(tmp_path / "w") as work:
+            return placed_views.depth_stage(placed, views, StereoOptions(), work, pool, silent)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(stages.os, "sync", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            found()
+    assert pool.given == len(views)
+    depths = found()
+    assert pool.given == len(depths) == len(views)
+    assert any(depth is not None and depth.inverse_range.any() for depth in depths)
 
 
 def test_a_world_twice_as_large_has_twice_the_depth(views: list[ImageView]) -> None:

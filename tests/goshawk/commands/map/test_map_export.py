@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 import mapping
-from esdf import UNKNOWN
+from esdf import FREE, OCCUPIED, UNKNOWN
 from flight import InputError
 from goshawk.commands.map import export_map
 from mapping import map_parts
@@ -73,6 +73,33 @@ def test_points_and_voxels_are_written_by_their_names(folder: Path, tmp_path: Pa
     assert isinstance(trimesh.load(tmp_path / "a.ply"), trimesh.PointCloud)
     run("map", "export", folder, "--out", tmp_path / "a.bt")
     assert (tmp_path / "a.bt").read_bytes().startswith(b"# Octomap OcTree binary file\nid OcTree\n")
+
+
+def test_a_voxblox_layer_and_an_openvdb_volume_are_the_maps_field(folder: Path, tmp_path: Path) -> None:
+    area = mapping.open_map(folder)
+    run("map", "export", folder, "--out", tmp_path / "a.vxblx")
+    said = run("map", "import", tmp_path / "a.vxblx", "--out", tmp_path / "again", "--json")
+    assert json.loads(said)["layer"] == "esdf"
+    again = mapping.open_map(tmp_path / "again")
+    places = area.field.grid.centre(np.argwhere(area.field.state != UNKNOWN))
+    index = again.field.grid.index(places)
+    on_surface = area.field.values_m <= area.field.grid.half_diagonal_m  # voxblox' surfaces pass through such voxels
+    wanted = np.where(on_surface, OCCUPIED, FREE)[area.field.state != UNKNOWN]
+    np.testing.assert_array_equal(again.field.state[tuple(index.T)], wanted)
+    assert (again.field.state != UNKNOWN).sum() == len(places)
+    tinyvdb = pytest.importorskip("tinyvdb", reason="TinyVDB reads what we write")
+    run("map", "export", folder, "--out", tmp_path / "a.vdb")
+    file = tinyvdb.open(str(tmp_path / "a.vdb"))
+    file.read_grids()
+    volume = file.grid(0)
+    np.testing.assert_allclose(volume.transform["translation"], area.field.grid.centre([0, 0, 0]), atol=1e-12)
+    index = np.frombuffer(volume.to_sparse()["coords"], np.int32).reshape(-1, 3)
+    values = np.frombuffer(volume.to_sparse()["values"], np.float32)
+    near = (np.abs(area.field.values_m) < area.field.cap_m) & (area.field.state != UNKNOWN)
+    leaves = [node for node in map(volume.tree.node, range(volume.tree.num_nodes)) if node.type == "leaf"]
+    assert len(leaves) >= len(np.unique(np.argwhere(near) // 8, axis=0))  # what is farther is stored by whole blocks
+    assert len(index) > 10_000  # it gives the voxels of 64 leaves at most
+    np.testing.assert_array_equal(values, area.field.values_m[tuple(index.T)])
 
 
 def test_an_elevation_model_and_distances_are_those_of_the_map(folder: Path, tmp_path: Path) -> None:

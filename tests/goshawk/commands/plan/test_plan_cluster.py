@@ -20,6 +20,7 @@ import pytest
 import vehicle
 from flight import Waypoints, project
 from goshawk.commands.plan import batch_cluster, batch_mission
+from goshawk.commands.plan import cluster as dask_cluster
 from goshawk.demo import chain
 from planner import PlanOptions
 from tests import waiting
@@ -154,7 +155,7 @@ def test_after_ctrl_c_what_a_worker_had_begun_is_finished_and_the_rest_is_left(f
 
 
 def test_a_cluster_without_workers_is_named_with_the_way_out(folder, monkeypatch):
-    monkeypatch.setattr(batch_cluster, "WORKER_S", 0.5)
+    monkeypatch.setattr(dask_cluster, "WORKER_S", 0.5)
     ask(folder, "a")
     with cluster(folder / "dask", 0) as made:
         got = goshawk(*call(folder, "out", "--scheduler", made.address))
@@ -173,9 +174,7 @@ def test_a_worker_with_another_goshawk_is_refused(folder, tmp_path):
         made.worker("--no-nanny", PYTHONPATH=str(tmp_path / "site"))
         got = goshawk(*call(folder, "out", "--scheduler", made.address))
     assert got.returncode == 2
-    assert (
-        f"has Goshawk 9.9 (sources {batch_cluster.installed()[-9:-1]}), not {batch_cluster.installed()}" in got.stderr
-    )
+    assert f"has Goshawk 9.9 (sources {dask_cluster.installed()[-9:-1]}), not {dask_cluster.installed()}" in got.stderr
 
 
 @pytest.mark.parametrize("missing", ["missions/a.json", "map", "vehicle.toml"])
@@ -185,9 +184,9 @@ def test_a_file_that_a_worker_does_not_see_is_no_answer_about_the_mission(folder
     job = batch_mission.Job(folder / "map", folder / "vehicle.toml", PlanOptions(), folder / "out")
     job = replace(job, inputs=batch_mission.inputs_hash(job))
     path = folder / "missions" / "a.json"
-    asked = (batch_cluster.installed(), pickle.dumps(job), path, batch_mission.key_of(path, job.inputs))
+    asked = (dask_cluster.installed(), pickle.dumps(job), path, batch_mission.key_of(path, job.inputs))
     (folder / missing).rename(folder / "elsewhere")
-    with pytest.raises(batch_cluster.UnlikeWorkerError, match=missing):
+    with pytest.raises(dask_cluster.UnlikeWorkerError, match=missing):
         batch_cluster.work_there(*asked)
 
 
@@ -204,7 +203,7 @@ def test_a_file_that_a_worker_does_not_see_is_no_answer_about_the_mission(folder
     ],
 )
 def test_an_address_without_a_scheduler_is_named(folder, address, why, monkeypatch):
-    monkeypatch.setattr(batch_cluster, "CONNECT_S", 1.0)
+    monkeypatch.setattr(dask_cluster, "CONNECT_S", 1.0)
     ask(folder, "a")
     with HTTPServer(("127.0.0.1", 0), SimpleHTTPRequestHandler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()

@@ -24,7 +24,7 @@ from flight import Waypoints, mission, project, trajectory
 from flight.mission import Gate, Ground, KeepIn, Laps, LegJerk, Mission, Stay
 from goshawk.commands.plan import batch, batch_mission
 from goshawk.demo import chain
-from mapping import confidence_layer
+from mapping import confidence_layer, free_space
 from mapping.dense import mesh_file
 from mapping.dense.confidence import SurfaceConfidence
 from planner import PlanOptions
@@ -376,12 +376,42 @@ def test_a_plan_says_how_thin_an_obstacle_could_hide_and_keeps_out_of_that_space
     assert "20 mm thick could hide" in page.read_text()
 
 
+def test_a_price_on_hidden_space_buys_a_detour_and_the_plan_says_what_it_paid(patchy, tmp_path):
+    call = (patchy / "across.json", *world(patchy))
+    free = run(*call, "--out", tmp_path / "free.json")
+    assert "hidden_price_paid_m" not in free
+    low = run(*call, "--out", tmp_path / "low.json", "--hidden-price", 0.01)
+    share = (0.08 - free_space.THRESHOLD_M) / (free_space.PLAIN_M - free_space.THRESHOLD_M)
+    assert low["hidden_price_paid_m"] == pytest.approx(0.01 * share * 0.8, rel=0.3)  # 0.8 m of the way lead through it
+    high = run(*call, "--out", tmp_path / "high.json", "--hidden-price", 20)
+    assert high["hidden_price_paid_m"] < 0.1
+    in_files = [json.loads((tmp_path / f"{name}.json").read_text())["check"] for name in ("free", "low", "high")]
+    assert "hidden_price" not in in_files[0]
+    assert [check["hidden_price"] for check in in_files[1:]] == [0.01, 20]
+    assert in_files[1]["hidden_price_paid_m"] == low["hidden_price_paid_m"]
+    assert high["could_hide"]["length_share"] < low["could_hide"]["length_share"]
+    assert goshawk("plan", *call, "--out", tmp_path / "x.json", "--hidden-price", 0).returncode == 2
+
+
 def test_a_thinner_obstacle_asked_for_is_refused_where_nothing_resolves_it_and_wrong_units_at_once(patchy, tmp_path):
     call = ("plan", patchy / "across.json", *world(patchy), "--out", tmp_path / "x.json", "--thinnest")
     for thickness, code in ((0.01, 2), (30, 2), (-1, 2), ("nan", 2)):
         ended = goshawk(*call, thickness)
         assert ended.returncode == code, ended.stderr
         assert not (tmp_path / "x.json").exists()
+
+
+def test_a_batch_plans_anew_for_another_price_of_hidden_space(patchy, tmp_path):
+    (tmp_path / "missions").mkdir()
+    shutil.copy(patchy / "across.json", tmp_path / "missions")
+    call = ("batch", tmp_path / "missions", *world(patchy), "--out", tmp_path / "plans")
+    for price in (None, 0.01, 20):
+        asked = () if price is None else ("--hidden-price", price)
+        if price is not None:
+            assert "results of other inputs" in goshawk("plan", *call, *asked).stderr
+        run(*call, *asked, "--overwrite")
+        check = json.loads((tmp_path / "plans" / "trajectories" / "across.json").read_text())["check"]
+        assert check.get("hidden_price") == price
 
 
 def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
@@ -419,9 +449,11 @@ def test_in_a_map_without_images_it_is_not_known_what_could_hide(patchy, tmp_pat
     assert ended.returncode == 0, ended.stderr
     assert "not known" in ended.stdout
     assert json.loads((tmp_path / "x.json").read_text())["check"]["could_hide"] is None
-    refused = goshawk(*call, "--out", tmp_path / "y.json", "--thinnest", 0.03)
-    assert refused.returncode == 2
-    assert "no images" in refused.stderr
+    for option in ("--thinnest", "--hidden-price"):
+        refused = goshawk(*call, "--out", tmp_path / "y.json", option, 0.03)
+        assert refused.returncode == 2
+        assert "no images" in refused.stderr
+        assert option in refused.stderr
 
 
 def test_a_plan_says_how_well_the_surface_is_known_where_its_clearance_is_least(folder, tmp_path):
