@@ -20,7 +20,7 @@ from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
 from firmware_bridge.offboard.firmware import Firmware, FirmwareState
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Ladder, Seen, Stage, Wish
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup, Target
 from firmware_bridge.offboard.pose_watch import PoseWatch
 from firmware_bridge.offboard.poses import Pose, Poses, UdpPoses
 from firmware_bridge.offboard.prediction import Motion, Predictor
@@ -73,6 +73,11 @@ class InnerLoop(Protocol):
         """Why it does not arm, in words."""
         ...
 
+    by_targets: bool
+    """Its own position loops fly, by the target sent last; force and rates were not sent."""
+    apart: str
+    """Why it cannot be told, or is told no more, where to be; empty where nobody asked for it."""
+
     def listen(self, now_s: float) -> None:
         """Take in what has come."""
         ...
@@ -81,8 +86,14 @@ class InnerLoop(Protocol):
         """A pose that is believed, for a firmware that estimates by it."""
         ...
 
-    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
-        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,)."""
+    def command(
+        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
+    ) -> None:
+        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,).
+
+        Args:
+            target: the set-point that they follow, where a firmware has loops of its own for it.
+        """
         ...
 
 
@@ -135,12 +146,20 @@ class Guard:
         stage = self._ladder.step(now_s, seen)
         force_n, rate = self._demand(now_s, stage)
         self._predictor.on_ground = force_n <= 0.0
-        self._predictor.command(now_s, force_n, rate)
-        self._airborne.commanded(self._setup.period_s, force_n, armed=state.armed and ours)
-        self._firmware.command(now_s, stage, force_n, rate)
+        followed = stage is Stage.FOLLOWING and self._command.wish is Wish.FLY
+        self._firmware.command(now_s, stage, force_n, rate, self._command.target if followed else None)
+        self._sent(now_s, force_n, rate, armed=state.armed and ours)
         self._tell(now_s, stage, seen)
         self._ticks += 1
         return stage is not Stage.ENDED
+
+    def _sent(self, now_s: float, force_n: float, rate: FloatArray, *, armed: bool) -> None:
+        """Nothing is learnt from a force that was not sent."""
+        if self._firmware.by_targets:
+            self._predictor.unknown(now_s)
+            return
+        self._predictor.command(now_s, force_n, rate)
+        self._airborne.commanded(self._setup.period_s, force_n, armed=armed)
 
     def _hear(self, now_s: float) -> None:
         self._firmware.listen(now_s)
@@ -204,7 +223,8 @@ class Guard:
         command = self._command
         if command.wish is not Wish.FLY:
             return 0.0, np.zeros(3)
-        motion = self._motion(now_s) if self._airborne.lifted and self._ticks % _HOVER_TICKS == 0 else None
+        learns = self._airborne.lifted and self._ticks % _HOVER_TICKS == 0 and not self._firmware.by_targets
+        motion = self._motion(now_s) if learns else None
         up_body = self._firmware.state.up_body(now_s)
         if motion is not None and up_body is not None:
             climbing = float(self._predictor.acceleration_world_m_s2(motion, motion.q_world_body)[2])
@@ -225,7 +245,7 @@ class Guard:
         status = GuardStatus(
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
             state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
-            state.battery_alert, self._firmware.said,
+            state.battery_alert, self._firmware.said, self._firmware.by_targets, self._firmware.apart,
         )  # fmt: skip
         with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())

@@ -63,6 +63,7 @@ def fly(
             guarding, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
         )  # fmt: skip
+        flight.tracker.gives_targets = line.parsed(where.address).position
         log = flight.fly()
     told = {"firmware": found.firmware, "failsafe": checks.when_we_die(found)}
     return replace(log, metadata={**log.metadata, **told}), flight.ended_early

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from firmware_bridge.offboard.ladder import Wish
-from firmware_bridge.offboard.messages import PlannerCommand
+from firmware_bridge.offboard.messages import PlannerCommand, Target
 from firmware_bridge.offboard.poses import Pose, UdpPoses, from_tum, tum_line
 from firmware_bridge.offboard.prediction import Lags, Predictor
 from firmware_bridge.offboard.rate_profile import RateProfile
@@ -120,6 +120,19 @@ def test_a_planners_pose_of_no_time_is_no_command():
     assert PlannerCommand.unpack(said.pack()) is not None
     for pose_s in (math.nan, math.inf):
         assert PlannerCommand.unpack(replace(said, pose_s=pose_s).pack()) is None
+
+
+def test_a_target_goes_along_whole_and_finite_or_not_at_all():
+    target = Target(np.arange(3.0), np.arange(3.0, 6.0), np.arange(6.0, 9.0), 0.5, -0.25)
+    said = PlannerCommand(1.0, 0.9, 2.0, np.zeros(3), Wish.FLY, target)
+    came = PlannerCommand.unpack(said.pack())
+    assert came is not None
+    assert came.target is not None
+    assert came.target.pack() == target.pack()
+    broken = PlannerCommand.unpack(replace(said, target=replace(target, yaw_rad=math.nan)).pack())
+    assert broken is not None
+    assert broken.target is None
+    assert PlannerCommand.unpack(said.pack()[:-8]) is None
 
 
 def test_the_prediction_reaches_over_a_late_pose():

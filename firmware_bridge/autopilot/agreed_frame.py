@@ -1,0 +1,131 @@
+"""Whether the autopilot's local frame is that of the poses: only then may it be told where to be.
+
+Place and heading are compared on the ground; over the first metre flown, how far and which way it went, which shows a
+frame that is turned or scaled though its heading agrees. What has once parted in a flight is not taken again.
+"""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from firmware_bridge.offboard.poses import Pose
+from flight import FloatArray, rotations
+
+APART_M, TURNED_RAD, AGREED_S, OLD_S = 0.3, np.deg2rad(10.0), 0.5, 0.3
+"""Farther apart, or turned more, they are of two frames; agreed so long they are of one; an older word is none."""
+MOVED_M, MOVED_APART = 1.0, 0.15
+"""Horizontally, from where they first agreed; the share of it by which the two ways may differ: 9 degrees."""
+_KEPT = 64
+_REMEDY = "give its estimator these poses (vision=on), or leave out targets=position"
+
+
+@dataclass(frozen=True, slots=True)
+class _Word:
+    """Of the autopilot, and when it came."""
+
+    time_s: float
+    position_world_m: FloatArray | None = None
+    q_world_body: FloatArray | None = None
+
+
+class AgreedFrame:
+    """One flight. `pose` for every pose; `position` and `attitude` for every word of the autopilot, z up."""
+
+    def __init__(self) -> None:
+        self._poses: deque[Pose] = deque(maxlen=_KEPT)
+        self._words: deque[_Word] = deque(maxlen=_KEPT)
+        self._compared_s = {"place": -np.inf, "heading": -np.inf}
+        self._since_s, self._first = np.inf, (np.zeros(3), np.zeros(3))
+        self._off_m = self._turned_rad = self._moved_apart = 0.0
+        self._moved, self._parted = False, ""
+
+    def pose(self, pose: Pose) -> None:
+        """A pose that is believed, stamped with our time."""
+        if not self._poses or pose.time_s > self._poses[-1].time_s:
+            self._poses.append(pose)
+        while self._words and self._words[0].time_s <= self._poses[-1].time_s:
+            self._compare(self._words.popleft())
+
+    def position(self, now_s: float, position_world_m: FloatArray) -> None:
+        """(3,)."""
+        self._words.append(_Word(now_s, position_world_m=position_world_m))
+
+    def attitude(self, now_s: float, q_world_body: FloatArray) -> None:
+        """(4,)."""
+        self._words.append(_Word(now_s, q_world_body=q_world_body))
+
+    def unready(self, now_s: float) -> str:
+        """Why the vehicle is not to be armed, in words; empty: place and heading agree."""
+        short = "" if now_s - self._since_s >= AGREED_S else f"place and heading have not agreed for {AGREED_S:g} s yet"
+        return self._parted or self._missing(now_s) or self._differs() or short
+
+    @property
+    def apart(self) -> str:
+        """Why it is not told, in words: another frame, or one that parted once."""
+        return self._parted or self._differs()
+
+    def at(self, now_s: float) -> bool:
+        """Whether it may be told now: its ways agreed too."""
+        if self._moved and not self._parted:
+            self._parted = self._missing(now_s)
+        return self._moved and not self.unready(now_s)
+
+    def _missing(self, now_s: float) -> str:
+        old = [what for what, time_s in self._compared_s.items() if not now_s - time_s <= OLD_S]
+        return f"nothing came of the autopilot's {' and '.join(old)}, or no pose beside it" if old else ""
+
+    def _differs(self) -> str:
+        if not self._off_m <= APART_M:
+            return f"the autopilot is {self._off_m:.2f} m from its poses, at most {APART_M:g}; {_REMEDY}"
+        if not abs(self._turned_rad) <= TURNED_RAD:
+            turned_deg, most_deg = np.rad2deg([abs(self._turned_rad), TURNED_RAD])
+            return f"the autopilot's heading is {turned_deg:.0f} deg off its poses', at most {most_deg:.0f}; {_REMEDY}"
+        if not self._moved_apart <= MOVED_APART:
+            return f"the autopilot's way differs from its poses' by {self._moved_apart:.0%} of it, at most {MOVED_APART:.0%}; {_REMEDY}"
+        return ""
+
+    def _compare(self, word: _Word) -> None:
+        at = self._pose_at(word.time_s)
+        if at is None:
+            return
+        if word.position_world_m is not None:
+            self._compared_s["place"] = word.time_s
+            self._off_m = float(np.linalg.norm(word.position_world_m - at.position_world_m))
+            self._compare_ways(word.position_world_m, at.position_world_m)
+        if word.q_world_body is not None:
+            self._compared_s["heading"] = word.time_s
+            between = rotations.multiply(word.q_world_body, rotations.conjugate(at.q_world_body))
+            self._turned_rad = float(rotations.yaw(between))
+        if differs := self._missing(word.time_s) or self._differs():
+            self._since_s = np.inf
+            turned = not self._moved_apart <= MOVED_APART
+            self._parted = self._parted or (differs if self._moved or turned else "")
+        elif not np.isfinite(self._since_s):
+            self._since_s = word.time_s
+
+    def _compare_ways(self, theirs_m: FloatArray, ours_m: FloatArray) -> None:
+        if not np.isfinite(self._since_s):
+            self._first, self._moved_apart = (theirs_m, ours_m), 0.0
+            return
+        their_way, our_way = (theirs_m - self._first[0])[:2], (ours_m - self._first[1])[:2]
+        far_m = float(np.linalg.norm(our_way))
+        if far_m >= MOVED_M:
+            self._moved_apart = float(np.linalg.norm(their_way - our_way)) / far_m
+            self._moved |= self._moved_apart <= MOVED_APART
+
+    def _pose_at(self, time_s: float) -> Pose | None:
+        """Between the two poses around a time, which are not far apart."""
+        later = next((i for i, pose in enumerate(self._poses) if pose.time_s >= time_s), None)
+        if not later:
+            return None
+        before, after = self._poses[later - 1], self._poses[later]
+        if after.time_s - before.time_s > OLD_S:
+            return None
+        share = (time_s - before.time_s) / (after.time_s - before.time_s)
+        turn = rotations.log(rotations.multiply(rotations.conjugate(before.q_world_body), after.q_world_body))
+        return Pose(
+            time_s,
+            before.position_world_m + share * (after.position_world_m - before.position_world_m),
+            rotations.multiply(before.q_world_body, rotations.exp(share * turn)),
+        )
