@@ -82,7 +82,8 @@ class AgreedFrame:
             turned_deg, most_deg = np.rad2deg([abs(self._turned_rad), TURNED_RAD])
             return f"the autopilot's heading is {turned_deg:.0f} deg off its poses', at most {most_deg:.0f}; {_REMEDY}"
         if not self._moved_apart <= MOVED_APART:
-            return f"the autopilot's way differs from its poses' by {self._moved_apart:.0%} of it, at most {MOVED_APART:.0%}; {_REMEDY}"
+            share = f"{self._moved_apart:.0%} of it, at most {MOVED_APART:.0%}"
+            return f"the autopilot's way differs from its poses' by {share}; {_REMEDY}"
         return ""
 
     def _compare(self, word: _Word) -> None:

@@ -148,16 +148,18 @@ class Guard:
         self._predictor.on_ground = force_n <= 0.0
         followed = stage is Stage.FOLLOWING and self._command.wish is Wish.FLY
         self._firmware.command(now_s, stage, force_n, rate, self._command.target if followed else None)
-        self._sent(now_s, force_n, rate, armed=state.armed and ours)
+        self._sent(now_s, force_n, rate, armed=state.armed and ours, followed=followed)
         self._tell(now_s, stage, seen)
         self._ticks += 1
         return stage is not Stage.ENDED
 
-    def _sent(self, now_s: float, force_n: float, rate: FloatArray, *, armed: bool) -> None:
+    def _sent(self, now_s: float, force_n: float, rate: FloatArray, *, armed: bool, followed: bool) -> None:
         """Nothing is learnt from a force that was not sent."""
         if self._firmware.by_targets:
             self._predictor.unknown(now_s)
             return
+        if followed:
+            self._learn_hover(now_s, force_n)
         self._predictor.command(now_s, force_n, rate)
         self._airborne.commanded(self._setup.period_s, force_n, armed=armed)
 
@@ -205,7 +207,8 @@ class Guard:
 
     def _demand(self, now_s: float, stage: Stage) -> tuple[float, FloatArray]:
         if stage is Stage.FOLLOWING:
-            return self._followed(now_s)
+            flies = self._command.wish is Wish.FLY
+            return (self._command.force_n, self._command.rate_body_rad_s) if flies else (0.0, np.zeros(3))
         if stage is Stage.PILOT:
             self._descent = None
             self._predictor.reset()
@@ -219,18 +222,14 @@ class Guard:
             self._descent = Descent(now_s, self._airborne.hover_n, height_m, self._setup.gravity_m_s2)
         return self._descent.force_and_rate(now_s, state, self._motion(now_s))
 
-    def _followed(self, now_s: float) -> tuple[float, FloatArray]:
-        command = self._command
-        if command.wish is not Wish.FLY:
-            return 0.0, np.zeros(3)
-        learns = self._airborne.lifted and self._ticks % _HOVER_TICKS == 0 and not self._firmware.by_targets
-        motion = self._motion(now_s) if learns else None
-        up_body = self._firmware.state.up_body(now_s)
+    def _learn_hover(self, now_s: float, force_n: float) -> None:
+        """From every few ticks of a planner's flight."""
+        if not (self._airborne.lifted and self._ticks % _HOVER_TICKS == 0):
+            return
+        motion, up_body = self._motion(now_s), self._firmware.state.up_body(now_s)
         if motion is not None and up_body is not None:
             climbing = float(self._predictor.acceleration_world_m_s2(motion, motion.q_world_body)[2])
-            period_s = _HOVER_TICKS * self._setup.period_s
-            self._airborne.hovers(period_s, command.force_n, float(up_body[2]), climbing)
-        return command.force_n, command.rate_body_rad_s
+            self._airborne.hovers(_HOVER_TICKS * self._setup.period_s, force_n, float(up_body[2]), climbing)
 
     def _motion(self, now_s: float) -> Motion | None:
         """By poses that can be believed, stamped with that of the last."""

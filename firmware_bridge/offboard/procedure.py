@@ -320,7 +320,6 @@ class Flight:
         metadata |= {name: text for name, text in told.items() if text}
         return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
 
-
     def _targets_flown(self, columns: dict[str, FloatArray]) -> str:
         """How much of the path its own position loops flew, in words; empty where they were not to."""
         if not self.tracker.gives_targets:

@@ -36,7 +36,7 @@ _LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
 """Low-pass of how the reference turns; steps of a tick."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
 TARGETS_FROM_M_S, TARGETS_TO_M_S = 1.4, SLOW_M_S
-"""Of the set-point, and of the vehicle: where a plan moves its position loops fly, and what is slower is learnt from."""
+"""Of set-point and vehicle: where a plan moves the firmware's position loops fly, and from what is slower we learn."""
 
 
 @dataclass(frozen=True, slots=True)

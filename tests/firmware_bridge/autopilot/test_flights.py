@@ -68,9 +68,12 @@ def test_a_simulated_hexarotor_is_flown():
     _require_flown_and_landed(flights.fly(HOVER, simulation), simulation)
 
 
-def by_targets(simulation: SimulatedAutopilot, way=curves.circle()) -> tuple[flights.Flown, list[str]]:  # noqa: B008
+def by_targets(simulation: SimulatedAutopilot, way=None, **more) -> tuple[flights.Flown, list[str]]:
+    """A circle unless told otherwise; with what was said meanwhile."""
     said: list[str] = []
-    return flights.fly(way, simulation, query="?targets=position", progress=lambda text, _: said.append(text)), said
+    way = curves.circle() if way is None else way
+    kept = lambda text, _: said.append(text)  # noqa: E731
+    return flights.fly(way, simulation, query="?targets=position", progress=kept, **more), said
 
 
 @pytest.mark.slow
@@ -181,10 +184,7 @@ def test_what_is_lost_while_its_own_loops_fly_ends_in_a_soft_landing_by_rates_an
             raise LinkError("the planner died")
         return False
 
-    said: list[str] = []
-    flown = flights.fly(
-        curves.circle(), simulation, query="?targets=position", progress=lambda text, _: said.append(text), cancel=cancel
-    )
+    flown, _ = by_targets(simulation, cancel=cancel)
     assert ("no pose for 0.2 s" if lost == "poses" else "the planner died") in flown.early
     assert simulation.targets < 100 + 80
     assert simulation.fastest_down_m_s < SOFTLY_M_S

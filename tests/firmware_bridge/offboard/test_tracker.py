@@ -102,6 +102,29 @@ def test_a_sagging_battery_is_allowed_for_once():
         assert max(errors) < 0.01
 
 
+def test_what_is_not_sent_is_neither_learnt_from_nor_a_disturbance():
+    """Position loops of another hold it 20 cm low, where more force is asked for than comes; then it is ours again."""
+    tracker, _, _ = hovered(body := IdealBody(1.0), MODEL)
+    share, now_s = tracker.effectiveness.share, 100.0 + 1300 * TICK_S
+    low = body.position - np.array([0.0, 0.0, 0.2])
+    inbox: list[Pose] = []
+    tracker._poses = lambda _: [inbox.pop() for _ in inbox[:1]]
+    asked = []
+    for tick in range(800):
+        now_s += TICK_S
+        if tick % 3 == 0:
+            inbox.append(Pose(now_s, body.position + (low - body.position) * min(tick / 400, 1.0), body.q))
+        demand = tracker.tick(now_s, by_targets=True)
+        asked.append(demand.force_n)
+    assert asked[-1] > 1.1 * MODEL.mass_kg * MODEL.gravity_m_s2
+    assert tracker.effectiveness.share == share
+    assert tracker.controller.telemetry["disturbance_force_world_n"] == pytest.approx(np.zeros(3), abs=1e-6)
+    assert tracker.motion.force_n == pytest.approx(MODEL.mass_kg * MODEL.gravity_m_s2, rel=0.03)
+    assert tracker.controller.parameters()["observer"] == 0.0
+    tracker.tick(now_s + TICK_S)
+    assert tracker.controller.parameters()["observer"] == 1.0
+
+
 def test_without_a_pose_nothing_is_asked_of_the_vehicle():
     tracker = Tracker(controller.parameters_of(MODEL), lambda _: [])
     assert tracker.tick(1.0) is None
