@@ -100,8 +100,16 @@ class InnerLoop(Protocol):
 class Guard:
     """One flight; `tick` until it returns False."""
 
-    def __init__(self, setup: GuardSetup, firmware: InnerLoop, poses: Poses, planner: socket.socket) -> None:
+    def __init__(
+        self, setup: GuardSetup, firmware: InnerLoop, poses: Poses, planner: socket.socket, *,
+        other_clock: Callable[[], bool] = lambda: False,
+    ) -> None:  # fmt: skip
+        """
+        Args:
+            other_clock: whether the poses are stamped by one that is not ours.
+        """
         self._setup, self._firmware, self._poses, self._planner = setup, firmware, poses, planner
+        self._other_clock = other_clock
         self._ladder, self._command, self._gone, self._hung = Ladder(), _IDLE, False, False
         self._predictor = Predictor(setup.mass_kg, setup.gravity_m_s2)
         self._airborne, self._watch = Airborne(setup.mass_kg, setup.gravity_m_s2), PoseWatch()
@@ -245,6 +253,7 @@ class Guard:
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
             state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
             state.battery_alert, self._firmware.said, self._firmware.by_targets, self._firmware.apart,
+            self._other_clock(),
         )  # fmt: skip
         with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())
@@ -262,7 +271,7 @@ def run(setup: GuardSetup, opened: Callable[[], tuple[InnerLoop, Callable[[], No
     if setup.clock_port:
         clock = SteppedClock(setup.clock_port, introduction=struct.pack("<H", poses.address[1]))
     planner.setblocking(False)
-    guard = Guard(setup, firmware, poses, planner)
+    guard = Guard(setup, firmware, poses, planner, other_clock=lambda: poses.other_clock)
     due_s = now_s = clock.now_s()
     try:
         while guard.tick(now_s):

@@ -14,7 +14,7 @@ from firmware_bridge.offboard.thrust_map import ThrustMap
 from flight import FloatArray
 
 _COMMAND, _TARGET = struct.Struct("<6dB"), struct.Struct("<11d")
-_STATUS = struct.Struct("<3B?3d4dI3B?")
+_STATUS = struct.Struct("<3B?3d4dI3B2?")
 _POSE = struct.Struct("<8d")
 MOST_POSES = 64
 """In one status; older ones are not told."""
@@ -134,12 +134,15 @@ class GuardStatus:
     """Its own position loops fly, by the planner's target: force and rates were not sent."""
     apart: str = ""
     """Why it cannot be told, or is told no more, where to be."""
+    other_clock: bool = False
+    """The poses are stamped by a clock that is not ours."""
 
     def pack(self) -> bytes:
         poses = self.poses[-MOST_POSES:]
         head = _STATUS.pack(
             self.stage, self.reason, self.armed, self.sticks_ours, self.time_s, self.heard_s, self.battery_v,
             *self.motors, self.arming_flags, self.other_mode, self.battery_alert, len(poses), self.by_targets,
+            self.other_clock,
         )  # fmt: skip
         rows = b"".join(_POSE.pack(p.time_s, *p.position_world_m, *p.q_world_body) for p in poses)
         return head + rows + b"\0".join(text.encode()[:_MOST_SAID] for text in (self.said, self.apart))
@@ -153,5 +156,5 @@ class GuardStatus:
         poses = tuple(Pose(row[0], np.array(row[1:4]), np.array(row[4:])) for row in rows)
         return GuardStatus(
             Stage(stage), Reason(reason), bool(armed), ours, time_s, heard_s, battery_v, np.array(more[:4]), more[4],
-            poses, more[5], Alert(more[6]), said, more[8], apart,
+            poses, more[5], Alert(more[6]), said, more[8], apart, more[9],
         )  # fmt: skip

@@ -82,6 +82,11 @@ class UdpPoses:
         self._believed: bool | None = None
 
     @property
+    def other_clock(self) -> bool:
+        """Whether its stamps are of a clock that is not ours; not known before the first."""
+        return self._believed is False
+
+    @property
     def address(self) -> tuple[str, int]:
         host, port = self._socket.getsockname()
         return str(host), int(port)

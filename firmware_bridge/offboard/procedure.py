@@ -68,7 +68,7 @@ class Flight:
         self._ticks = 0
         self._rows: list[dict[str, FloatArray]] = []
         self._stood_m: float | None = None
-        self._told_bound = self._by_targets = False
+        self._told_bound = self._told_clock = self._by_targets = False
         self._apart = ""
         self.status: GuardStatus | None = None
         self.ended_early = ""
@@ -254,6 +254,7 @@ class Flight:
             self._guard.answer(command)
         self._ticks += 1
         self._tell_of_bound()
+        self._tell_of_clock(status)
         self._tell_of_targets(status)
         if demand is not None and self._ticks % _LOG_EVERY == 0:
             self._keep(status, demand)
@@ -264,6 +265,13 @@ class Flight:
         if learnt.at_bound and not self._told_bound:
             self._told_bound = True
             self._progress(f"warning: rotors of {learnt.share:.0%} of the vehicle file's thrust or beyond", 0.0)
+
+    def _tell_of_clock(self, status: GuardStatus) -> None:
+        if status.other_clock and not self._told_clock:
+            self._told_clock = True
+            self._progress(
+                "the poses are stamped by another clock: taken to be as old as ?delay= says, 0 s without", 0.0
+            )
 
     def _tell_of_targets(self, status: GuardStatus) -> None:
         apart = status.apart if status.armed else ""
