@@ -33,8 +33,8 @@ class Lags:
 
     delay_s: float = 0.006
     """From a command to the first answer of the rotors."""
-    rate_s: float = 0.025
-    """Of the inner loop."""
+    rate_s: float | FloatArray = 0.025
+    """Of the inner loop; (3,) about each axis where they are known."""
     force_s: float = 0.035
     """Of the rotors."""
 
@@ -89,6 +89,10 @@ class Predictor:
     def pose_time_s(self) -> float:
         """Of the last pose used; minus infinity before the first."""
         return self._last.time_s if self._last is not None else -np.inf
+
+    def follow(self, lags: Lags) -> None:
+        """What the lags have been found to be, from now on."""
+        self._lags = lags
 
     def command(self, time_s: float, force_n: float, rate_body_rad_s: FloatArray) -> None:
         self._keep(time_s, force_n, rate_body_rad_s)

@@ -16,6 +16,7 @@ from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.offboard.thrust_map import ThrustMap
+from firmware_bridge.offboard.turning.inner_lag import InnerLag
 from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
@@ -34,6 +35,8 @@ _RISEN_M = 0.1
 _MOVES = ("position_world_m", "velocity_world_m_s", "acceleration_world_m_s2")
 _LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
 """Low-pass of how the reference turns; steps of a tick."""
+_LAG_EVERY = 25
+"""Ticks of a plan's way between looks at what the inner loop's lag was found to be."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
 TARGETS_FROM_M_S, TARGETS_TO_M_S = 1.4, SLOW_M_S
 """Of set-point and vehicle: where a plan moves the firmware's position loops fly, and from what is slower we learn."""
@@ -75,6 +78,7 @@ class Tracker:
         """Force of the rotors over what they would give in air at rest at the same speeds."""
         self._speeds_rad_s, self._learns, self._clipped = np.zeros(4), False, False
         self._ground_m = self._ticked_s = 0.0
+        self._ticks = 0
         self._per_error = np.array(
             [parameters[f"att_kp_{a}_1_s2"] / parameters[f"att_kd_{a}_1_s"] for a in ("xy", "xy", "z")]
         )
@@ -86,12 +90,14 @@ class Tracker:
         """As last estimated."""
         self.gives_targets = self._moves = False
         """Whether position loops of the firmware's are to fly a plan."""
+        self.inner_lag = InnerLag(float(np.mean(self._lags.rate_s)), self._lags.delay_s)
         self._observer, self._observes = parameters["observer"], True
 
     def listen(self, now_s: float) -> None:
         """Take in the poses that have come."""
         for pose in self._poses(now_s):
-            self.predictor.pose(pose)
+            if self.predictor.pose(pose):
+                self.inner_lag.pose(pose)
 
     @property
     def ready(self) -> bool:
@@ -155,11 +161,24 @@ class Tracker:
             )
         given_n = self._given_n(demand.force_n, battery_v)
         self._clipped = given_n != demand.force_n
+        self._sent(now_s, given_n, demand.rate_body_rad_s, by_targets=by_targets)
+        return demand
+
+    def _sent(self, now_s: float, force_n: float, rate_body_rad_s: FloatArray, *, by_targets: bool) -> None:
+        """By it the motion is predicted; the inner loop's lag is learnt while it turns on a plan's way."""
         if by_targets:
             self.predictor.unknown(now_s)
         else:
-            self.predictor.command(now_s, given_n, demand.rate_body_rad_s)
-        return demand
+            self.predictor.command(now_s, force_n, rate_body_rad_s)
+        if by_targets or self.state is not State.TRAJECTORY:
+            self.inner_lag.forget()
+            return
+        self.inner_lag.command(now_s, rate_body_rad_s)
+        self._ticks += 1
+        if self._ticks % _LAG_EVERY == 0:
+            lags_s, _ = self.inner_lag.found()
+            self._lags = replace(self._lags, rate_s=np.append(lags_s, self.inner_lag.assumed_s))
+            self.predictor.follow(self._lags)
 
     def _observe(self, observes: bool) -> None:
         """The disturbance observer compares poses with commands; those that were not sent would be a disturbance."""
