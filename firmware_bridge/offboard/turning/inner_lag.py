@@ -12,7 +12,7 @@ import numpy as np
 from firmware_bridge.offboard.poses import Pose
 from flight import FloatArray, rotations
 
-CANDIDATES_S = np.linspace(0.005, 0.095, 31)[:, None]
+CANDIDATES_S = np.linspace(0.005, 0.07, 27)[:, None]
 """(c, 1): of a first-order lag, beside the delay."""
 ASSUMED_STD_S = 0.01
 """Of the assumed lag."""
