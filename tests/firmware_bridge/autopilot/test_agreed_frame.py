@@ -57,6 +57,13 @@ def test_it_may_be_armed_where_place_and_heading_have_long_agreed(more, seconds,
     assert said in unready if said else not unready
 
 
+def test_the_heading_is_about_the_vertical_however_far_it_is_tilted():
+    """About the body's z axis a turn of 11 degrees would pass for 6."""
+    seen = Seen(compass_rad=1.1 * TURNED_RAD)
+    seen.q = rotations.exp(np.array([1.0, 0.0, 0.0]))
+    assert "heading is 11 deg off" in seen.stay(1.0).unready
+
+
 def test_it_is_told_only_after_a_way_that_agreed_too():
     seen = Seen().stay(1.0)
     assert not seen.told
