@@ -1,6 +1,7 @@
 """Flights on a simulated autopilot: the plan, and what is lost, refused, or taken over. Not PX4, not ArduPilot."""
 
 import os
+import re
 import signal
 
 import numpy as np
@@ -59,7 +60,10 @@ def _require_flown_and_landed(flown: flights.Flown, simulation: SimulatedAutopil
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 def test_a_circle_is_flown_and_landed(kind):
     simulation = flights.simulated(curves.circle(), kind)
-    _require_flown_and_landed(flights.fly(curves.circle(), simulation), simulation)
+    flown = flights.fly(curves.circle(), simulation)
+    _require_flown_and_landed(flown, simulation)
+    found_ms = re.findall(r"(\d+) ms", flown.log.metadata["inner_loop_lag"])
+    assert [float(ms) for ms in found_ms[:2]] == pytest.approx([40.0, 40.0], abs=8.0)  # its rate loop's gain is 25 1/s
 
 
 @pytest.mark.slow
