@@ -278,7 +278,7 @@ class Flight:
         if (status.by_targets, apart or self._apart) == (self._by_targets, self._apart):
             return
         self._by_targets, self._apart = status.by_targets, apart or self._apart
-        theirs = "its own position loops fly; our prediction, observer and thrust learning rest"
+        theirs = "its own position loops fly; our prediction and thrust learning rest"
         ours = f"flown by rates and thrust{_because(self._apart)}"
         self._progress(theirs if status.by_targets else ours, 0.0)
 

@@ -91,7 +91,6 @@ class Tracker:
         self.gives_targets = self._moves = False
         """Whether position loops of the firmware's are to fly a plan."""
         self.inner_lag = InnerLag(float(np.mean(self._lags.rate_s)), self._lags.delay_s)
-        self._observer, self._observes = parameters["observer"], True
 
     def listen(self, now_s: float) -> None:
         """Take in the poses that have come."""
@@ -131,7 +130,6 @@ class Tracker:
         self.motion = motion = self.predictor.at(now_s)
         time_us = round((now_s - self._begin_s) * 1e6)
         felt = self._felt_world_m_s2(motion)
-        self._observe(not by_targets)
         self.controller.tick(
             time_us,
             motion.row(),
@@ -179,12 +177,6 @@ class Tracker:
             lags_s, _ = self.inner_lag.found()
             self._lags = replace(self._lags, rate_s=np.append(lags_s, self.inner_lag.assumed_s))
             self.predictor.follow(self._lags)
-
-    def _observe(self, observes: bool) -> None:
-        """The disturbance observer compares poses with commands; those that were not sent would be a disturbance."""
-        if observes is not self._observes and self.state not in STANDING:
-            self.controller.set_parameters({"observer": self._observer if observes else 0.0})
-            self._observes = observes
 
     def _target(self, motion: Motion, setpoint: dict) -> Target | None:
         """Only fast: below, hover thrust is learnt of what is commanded."""

@@ -96,7 +96,7 @@ def test_a_circle_is_flown_by_position_targets_where_it_moves(kind):
     assert np.isnan(flown.log.columns["setpoint_rate_body_x_rad_s"][theirs]).all()
     assert abs(theirs.sum() - simulation.targets / 2) < 10  # every second tick is logged
     assert flown.log.metadata["targets"] == f"{theirs.sum() / _flying(flown).sum():.0%} of the path by position targets"
-    assert said[1:] == ["its own position loops fly; our prediction, observer and thrust learning rest",
+    assert said[1:] == ["its own position loops fly; our prediction and thrust learning rest",
                         "flown by rates and thrust"]  # fmt: skip
     assert _tilts_faster_at_handover_than(1.5, flown.log) == []
     assert float(flown.log.metadata["thrust_share"]) == pytest.approx(1.0, abs=0.02)
