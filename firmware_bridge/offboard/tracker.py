@@ -163,12 +163,13 @@ class Tracker:
         return demand
 
     def _sent(self, now_s: float, force_n: float, rate_body_rad_s: FloatArray, *, by_targets: bool) -> None:
-        """By it the motion is predicted; the inner loop's lag is learnt while it turns on a plan's way."""
+        """By it the motion is predicted; the inner loop's lag is learnt on a plan's way, short of what rotors give."""
         if by_targets:
             self.predictor.unknown(now_s)
         else:
             self.predictor.command(now_s, force_n, rate_body_rad_s)
-        if by_targets or self.state is not State.TRAJECTORY:
+        short = self._clipped or bool(self.controller.telemetry["saturation"])
+        if by_targets or short or self.state is not State.TRAJECTORY:
             self.inner_lag.forget()
             return
         self.inner_lag.command(now_s, rate_body_rad_s)

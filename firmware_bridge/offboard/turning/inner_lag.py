@@ -24,6 +24,10 @@ _LEAST_NOISE_RAD = 1e-3
 _SETTLED_S = 0.4
 """From the first command known: how it turned before fades."""
 _KEPT = 256
+_WINDOW_S, _LEAST_WINDOWS, _FADES = 0.5, 6, 0.97
+"""A gust pulls every turn of a while the same way: windows of turning are independent, and the old ones fade."""
+_LEAST_SCATTER = 2.0
+"""Of windows over that of single turns; few windows may agree by chance."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +46,10 @@ class InnerLag:
     def __init__(self, assumed_s: float, delay_s: float) -> None:
         self.assumed_s, self._delay_s = assumed_s, delay_s
         self._shape = (len(CANDIDATES_S), 2)
-        self._sums, self._count = np.zeros(self._shape), 0
+        self._sums, self.turns, self._windows = np.zeros(self._shape), 0.0, 0
+        self._pull, self._scatter, self._singly = (np.zeros(self._shape) for _ in range(3))
+        """Residuals times what a longer lag changes: summed over the window, the squares of that, of each turn's."""
+        self._window_s = -np.inf
         self.forget()
 
     def forget(self) -> None:
@@ -78,8 +85,22 @@ class InnerLag:
         if then is None or now is None or max(then.asked_rad_s, now.asked_rad_s) < _TURNS_RAD_S:
             return
         seen = rotations.log(rotations.multiply(rotations.conjugate(begin.q_world_body), pose.q_world_body))[:2]
-        self._sums += (seen - (now.angle_rad - then.angle_rad)) ** 2
-        self._count += 1
+        self._take(pose.time_s, seen, now.angle_rad - then.angle_rad)
+
+    def _take(self, time_s: float, seen_rad: FloatArray, turned_rad: FloatArray) -> None:
+        """One turn (2,), beside those of the candidates (c, 2)."""
+        if time_s - self._window_s > _WINDOW_S:
+            self._scatter += self._pull**2
+            for sums in (self._sums, self._scatter, self._singly):
+                sums *= _FADES
+            self.turns, self._windows, self._window_s = _FADES * self.turns, self._windows + 1, time_s
+            self._pull[:] = 0.0
+        missed = seen_rad - turned_rad
+        pull = missed * np.gradient(turned_rad, CANDIDATES_S[:, 0], axis=0)
+        self._sums += missed**2
+        self._singly += pull**2
+        self._pull += pull
+        self.turns += 1.0
 
     def _at(self, time_s: float) -> _Turned | None:
         rows = self._turned
@@ -94,10 +115,12 @@ class InnerLag:
     def found(self) -> tuple[FloatArray, FloatArray]:
         """Lags about x and y (2,) with their standard deviations: flight and assumption, each by what it knows."""
         lags, stds = np.full(2, self.assumed_s), np.full(2, ASSUMED_STD_S)
-        for axis in range(2) if self._count > 10 else ():
+        for axis in range(2) if self._windows > _LEAST_WINDOWS else ():
             least = int(np.argmin(self._sums[:, axis]))
-            noise2 = max(self._sums[least, axis] / self._count, _LEAST_NOISE_RAD**2)
-            odds = self._sums[:, axis] / noise2 + ((CANDIDATES_S[:, 0] - self.assumed_s) / ASSUMED_STD_S) ** 2
+            noise2 = max(self._sums[least, axis] / self.turns, _LEAST_NOISE_RAD**2)
+            scatter = (self._scatter + self._pull**2)[least, axis] / max(self._singly[least, axis], 1e-30)
+            odds = self._sums[:, axis] / noise2 / max(scatter, _LEAST_SCATTER)
+            odds += ((CANDIDATES_S[:, 0] - self.assumed_s) / ASSUMED_STD_S) ** 2
             weights = np.exp(-0.5 * (odds - odds.min()))
             weights /= weights.sum()
             lags[axis] = weights @ CANDIDATES_S[:, 0]

@@ -5,11 +5,12 @@ import pytest
 
 import vehicle
 from firmware_bridge import controller
-from firmware_bridge.controller import Command, State
+from firmware_bridge.controller import Command, LinkLoss, State
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.thrust_map import ThrustMap
 from firmware_bridge.offboard.tracker import Tracker
 from flight import rotations
+from tests.firmware_bridge.offboard import curves
 
 TICK_S, LATE_S = 0.004, 0.012
 MODEL = vehicle.example("rigter2019")
@@ -164,6 +165,31 @@ def test_a_steady_wind_does_not_pass_for_weak_rotors():
     """Leaning against it, force over weight is 1 / cos: it was learnt as a share of cos^2, .91."""
     tracker, _, _ = hovered(InWind(1.0), MODEL)
     assert tracker.effectiveness.share == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize("share", [10.0, 0.97])
+def test_the_lag_is_learnt_only_where_rotors_give_what_is_asked_for(share):
+    """A body that is short of torque turns late: it passed for a lag of 69 ms."""
+    way, now_s, inbox = curves.circle(), 100.0, []
+    tracker = Tracker(controller.parameters_of(MODEL), lambda _: [inbox.pop(0) for _ in inbox[1:]])
+    tracker.controller.upload(way, link_loss=LinkLoss.FINISH)
+    body = IdealBody(1.0)
+    body.position[:2] = way.position([0.0])[0, :2]
+    for tick in range(2800):
+        now_s += TICK_S
+        if tick % 3 == 0:
+            inbox.append(Pose(now_s, body.position.copy(), body.q.copy()))
+        demand = tracker.tick(now_s)
+        if tick == 300:
+            tracker.controller.command(Command.ARM)
+            tracker.controller.command(Command.TAKE_OFF, 1.5)
+        if tick == 1200:
+            tracker.controller.command(Command.START)
+            tracker.thrust_map = ThrustMap((0.0, share * MODEL.mass_kg * MODEL.gravity_m_s2, 0.0))
+        if demand is not None:
+            body.step(demand.force_n, demand.rate_body_rad_s)
+    assert tracker.state is State.TRAJECTORY
+    assert (tracker.inner_lag.turns > 10) is (share > 1.0)
 
 
 class FullThrottle(IdealBody):

@@ -10,8 +10,12 @@ from flight import rotations
 ASSUMED_S, DELAY_S, TICK_S, FINE_S = 0.025, 0.006, 0.004, 0.001
 
 
-def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, pose_s=0.01, lost_s=(9.0, 9.0)):
-    """What was found of a body that turns about x and y as a curve does, with its lags; poses are noisy and late."""
+def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, pose_s=0.01, lost_s=(99.0, 99.0),
+          gust_rad_s2=0.0, most_rad_s2=np.inf):  # fmt: skip
+    """What was found of a body that turns about x and y as a curve does, with its lags; poses are noisy and late.
+
+    Gusts turn it, and no torque turns it faster than `most_rad_s2`.
+    """
     lag, rng = InnerLag(ASSUMED_S, DELAY_S), np.random.default_rng(2)
     q, rate, late = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3), []
     sent = [(0.0, np.zeros(3))]
@@ -26,7 +30,9 @@ def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, 
             else:
                 lag.command(now_s, asked)
         due = next(asked for time_s, asked in reversed(sent) if time_s <= max(now_s - DELAY_S, 0.0))
-        rate += FINE_S / np.array([*lags_s, ASSUMED_S]) * (due - rate)
+        turning = np.clip((due - rate) / np.array([*lags_s, ASSUMED_S]), -most_rad_s2, most_rad_s2)
+        gusts = gust_rad_s2 * np.array([np.sin(5.0 * now_s), np.cos(4.0 * now_s), 0.0])
+        rate += FINE_S * (turning + gusts)
         q = rotations.multiply(q, rotations.exp(FINE_S * rate))
         if step % round(pose_s / FINE_S) == 0:
             turned = rotations.exp(noise_rad * rng.standard_normal(3))
@@ -42,7 +48,7 @@ def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, 
         ((0.04, 0.02), {}),
         ((0.025, 0.06), {"pose_s": 0.02}),
         ((0.04, 0.04), {"pose_s": 0.005, "late_s": 0.03}),
-        ((0.05, 0.03), {"noise_rad": 5e-3, "size_rad_s": 2.0}),
+        ((0.04, 0.03), {"noise_rad": 3e-3, "size_rad_s": 2.0, "seconds": 16.0}),
         ((0.04, 0.03), {"lost_s": (3.0, 5.0)}),
     ],
 )
@@ -51,6 +57,15 @@ def test_the_lag_of_each_axis_is_found_with_its_uncertainty(lags_s, more):
     assert lags == pytest.approx(lags_s, abs=0.004)
     assert (np.abs(lags - lags_s) < 4.0 * stds + 5e-4).all()
     assert (stds < 0.005).all()
+
+
+@pytest.mark.parametrize("more", [{"gust_rad_s2": 5.0}, {"gust_rad_s2": 10.0}, {"most_rad_s2": 2.0}])
+def test_gusts_and_torques_that_are_short_are_not_taken_for_a_lag_that_is_known(more):
+    """Where every turn counted for itself it was 8 or 69 ms, known to 3 or 1."""
+    lags, stds = flown((ASSUMED_S, ASSUMED_S), **more)
+    assert (np.abs(lags - ASSUMED_S) < 2.0 * stds).all()
+    assert (stds <= 1.1 * ASSUMED_STD_S).all()
+    assert lags == pytest.approx([ASSUMED_S, ASSUMED_S], abs=0.02)
 
 
 @pytest.mark.parametrize("more", [{"size_rad_s": 0.15}, {"seconds": 0.3}])
