@@ -1,7 +1,8 @@
 """Whether the autopilot's local frame is that of the poses: only then may it be told where to be.
 
-Place and heading are compared on the ground; over the first metre flown, how far and which way it went, which shows a
-frame that is turned or scaled though its heading agrees. What has once parted in a flight is not taken again.
+Place and heading are compared on the ground; over the first metre from where it was armed, how far and which way it
+went, which shows a frame that is turned or scaled though its heading agrees. What has once parted in a flight is not
+taken again.
 """
 
 from collections import deque
@@ -12,12 +13,17 @@ import numpy as np
 from firmware_bridge.offboard.poses import Pose
 from flight import FloatArray, rotations
 
-APART_M, TURNED_RAD, AGREED_S, OLD_S = 0.3, np.deg2rad(10.0), 0.5, 0.3
-"""Farther apart, or turned more, they are of two frames; agreed so long they are of one; an older word is none."""
+READY_M, READY_RAD = 0.1, np.deg2rad(5.0)
+"""Farther apart, or turned more, on the ground they are of two frames: as far aside the plan would be flown."""
+APART_M, TURNED_RAD = 0.3, np.deg2rad(10.0)
+"""The same in flight, where a word that comes late is of another place."""
+AGREED_S, OLD_S = 0.5, 0.3
+"""Agreed so long they are of one; an older word is none."""
 MOVED_M, MOVED_APART = 1.0, 0.15
-"""Horizontally, from where they first agreed; the share of it by which the two ways may differ: 9 degrees."""
+"""Horizontally, from where it was armed; the share of it by which the two ways may differ: 9 degrees."""
 _KEPT = 64
 _REMEDY = "give its estimator these poses (vision=on), or leave out targets=position"
+_LATE = "it is another frame, or its words come late"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +36,17 @@ class _Word:
 
 
 class AgreedFrame:
-    """One flight. `pose` for every pose; `position` and `attitude` for every word of the autopilot, z up."""
+    """One flight. `pose` for every pose; `position` and `attitude` for every word of the autopilot, z up.
+
+    `armed` is to be kept: before, it may be carried about.
+    """
 
     def __init__(self) -> None:
         self._poses: deque[Pose] = deque(maxlen=_KEPT)
         self._words: deque[_Word] = deque(maxlen=_KEPT)
         self._compared_s = {"place": -np.inf, "heading": -np.inf}
         self._since_s, self._first = np.inf, (np.zeros(3), np.zeros(3))
+        self.armed = False
         self._off_m = self._turned_rad = self._moved_apart = 0.0
         self._moved, self._parted = False, ""
 
@@ -76,14 +86,16 @@ class AgreedFrame:
         return f"nothing came of the autopilot's {' and '.join(old)}, or no pose beside it" if old else ""
 
     def _differs(self) -> str:
-        if not self._off_m <= APART_M:
-            return f"the autopilot is {self._off_m:.2f} m from its poses, at most {APART_M:g}; {_REMEDY}"
-        if not abs(self._turned_rad) <= TURNED_RAD:
-            turned_deg, most_deg = np.rad2deg([abs(self._turned_rad), TURNED_RAD])
-            return f"the autopilot's heading is {turned_deg:.0f} deg off its poses', at most {most_deg:.0f}; {_REMEDY}"
+        most_m, most_rad = (APART_M, TURNED_RAD) if self.armed else (READY_M, READY_RAD)
+        remedy = _LATE if self.armed else _REMEDY
+        if not self._off_m <= most_m:
+            return f"the autopilot is {self._off_m:.2f} m from its poses, at most {most_m:g}; {remedy}"
+        if not abs(self._turned_rad) <= most_rad:
+            turned_deg, most_deg = np.rad2deg([abs(self._turned_rad), most_rad])
+            return f"the autopilot's heading is {turned_deg:.0f} deg off its poses', at most {most_deg:.0f}; {remedy}"
         if not self._moved_apart <= MOVED_APART:
             share = f"{self._moved_apart:.0%} of it, at most {MOVED_APART:.0%}"
-            return f"the autopilot's way differs from its poses' by {share}; {_REMEDY}"
+            return f"the autopilot's way differs from its poses' by {share}; {remedy}"
         return ""
 
     def _compare(self, word: _Word) -> None:
@@ -106,7 +118,7 @@ class AgreedFrame:
             self._since_s = word.time_s
 
     def _compare_ways(self, theirs_m: FloatArray, ours_m: FloatArray) -> None:
-        if not np.isfinite(self._since_s):
+        if not self.armed or not np.isfinite(self._since_s):
             self._first, self._moved_apart = (theirs_m, ours_m), 0.0
             return
         their_way, our_way = (theirs_m - self._first[0])[:2], (ours_m - self._first[1])[:2]

@@ -106,6 +106,8 @@ class Autopilot:
             if (received.system_id, received.component_id) == (self._setup.system, AUTOPILOT_COMPONENT):
                 self.state.heard_s = self._came_s[received.message.ID] = now_s
                 self._take(received.message, now_s)
+        if self._frame is not None:
+            self._frame.armed = self.state.armed
 
     def seen(self, now_s: float, pose: Pose) -> None:
         """Passed on at most 30 times a second."""

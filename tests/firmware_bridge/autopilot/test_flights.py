@@ -114,13 +114,13 @@ def _tilts_faster_at_handover_than(most_rad_s: float, log) -> list[float]:
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        ({"frame_turned_rad": np.deg2rad(30.0)}, "the autopilot's heading is 30 deg off its poses', at most 10"),
+        ({"frame_turned_rad": np.deg2rad(30.0)}, "the autopilot's heading is 30 deg off its poses', at most 5"),
         pytest.param(
-            {"compass_off_rad": np.deg2rad(-30.0)}, "the autopilot's heading is 30 deg off its poses', at most 10",
+            {"compass_off_rad": np.deg2rad(-30.0)}, "the autopilot's heading is 30 deg off its poses', at most 5",
             marks=pytest.mark.slow,
         ),
         pytest.param(
-            {"frame_off_m": np.array([0.5, 0.0, 0.0])}, "m from its poses, at most 0.3; give its estimator these poses",
+            {"frame_off_m": np.array([0.5, 0.0, 0.0])}, "m from its poses, at most 0.1; give its estimator these poses",
             marks=pytest.mark.slow,
         ),
     ],
