@@ -31,10 +31,12 @@ GUIDED, LAND, STABILIZE, LOITER = 4, 9, 0, 5
 FLIP = np.array([1.0, -1.0, -1.0])
 PARAMETERS = {
     "px4": {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4, "MPC_THR_HOVER": 0.5, "THR_MDL_FAC": 0.0,
-            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0},
+            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0, "MPC_XY_VEL_MAX": 12.0,
+            "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TILTMAX_AIR": 45.0},
     "ardupilot": {"GUID_TIMEOUT": 0.5, "GUID_OPTIONS": 8, "FS_GCS_ENABLE": 5, "FS_GCS_TIMEOUT": 5.0, "SYSID_MYGCS": 255,
                   "MOT_THST_HOVER": 0.3, "ATC_ANGLE_BOOST": 0, "ATC_RATE_R_MAX": 0.0, "ATC_RATE_P_MAX": 0.0,
-                  "ATC_RATE_Y_MAX": 0.0},
+                  "ATC_RATE_Y_MAX": 0.0, "WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0,
+                  "WPNAV_ACCEL": 500.0, "WPNAV_ACCEL_Z": 100.0, "ANGLE_MAX": 3000, "PSC_ANGLE_MAX": 0.0},
 }  # fmt: skip
 
 
