@@ -75,8 +75,11 @@ class InnerLoop(Protocol):
 
     by_targets: bool
     """Its own position loops fly, by the target sent last; force and rates were not sent."""
-    apart: str
-    """Why it cannot be told, or is told no more, where to be; empty where nobody asked for it."""
+
+    @property
+    def apart(self) -> str:
+        """Why it cannot be told, or is told no more, where to be; empty where nobody asked for it."""
+        ...
 
     def listen(self, now_s: float) -> None:
         """Take in what has come."""

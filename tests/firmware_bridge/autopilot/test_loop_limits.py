@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from firmware_bridge.autopilot.loop_limits import Asked, require_within
 from flight import InputError
@@ -11,7 +12,7 @@ from tests.firmware_bridge.autopilot.test_flights import HOVER, by_targets
 from tests.firmware_bridge.offboard import curves
 
 
-def asked(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), tilt_deg=0.0) -> Asked:
+def asked(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), tilt_deg: ArrayLike = 0.0) -> Asked:
     """At rest but for an instant, at 1 s."""
     along = np.array([0.0, 1.0, 0.0])
     return Asked(
@@ -29,7 +30,7 @@ def asked(velocity=(0.0, 0.0, 0.0), acceleration=(0.0, 0.0, 0.0), tilt_deg=0.0) 
         ("ardupilot", "WPNAV_SPEED", 500.0, {"velocity": (-3.0, 4.0, 0.0)}, "set WPNAV_SPEED to 556, or leave out"),
         ("ardupilot", "WPNAV_SPEED_UP", 250.0, {"velocity": (0.0, 0.0, 2.4)}, "climbs 2.40 m/s"),
         ("ardupilot", "WPNAV_SPEED_DN", 150.0, {"velocity": (0.0, 0.0, -1.5)}, "sinks 1.50 m/s"),
-        ("ardupilot", "WPNAV_ACCEL", 250.0, {(1.5, -2.0, 0.0)}, "X/s2"),
+        ("ardupilot", "WPNAV_ACCEL", 250.0, {"acceleration": (1.5, -2.0, 0.0)}, "speeds up or bends by 2.50 m/s2"),
         ("ardupilot", "WPNAV_ACCEL_Z", 100.0, {"acceleration": (0.0, 0.0, -1.0)}, "speeds up or down by 1.00 m/s2"),
         ("ardupilot", "ANGLE_MAX", 3000.0, {"tilt_deg": 28.0}, "tilts 28.00 deg at 1.0 s, at most 27.00"),
         ("ardupilot", "PSC_ANGLE_MAX", 20.0, {"tilt_deg": 19.0}, "tilts 19.00 deg at 1.0 s, at most 18.00"),
