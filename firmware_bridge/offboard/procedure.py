@@ -324,10 +324,8 @@ class Flight:
         vectors = {name: values for name, values in columns.items() if values.ndim == 2}
         share = self.tracker.effectiveness.share
         told = {"ended_early": self.ended_early, "targets": self._targets_flown(columns)}
-        lags_s, stds_s = self.tracker.inner_lag.found()
-        lags = (f"{a} {1e3 * s:.0f} ms" for a, s in zip(("roll", "pitch"), lags_s, strict=True))
         metadata = {"source": "off board", "thrust_share": f"{share:.3f}"}
-        metadata["inner_loop_lag"] = f"{', '.join(lags)}, known to {1e3 * stds_s.max():.0f} ms"
+        metadata["inner_loop_lag"] = self.tracker.inner_lag.words(other_clock=self._told_clock)
         metadata |= {name: text for name, text in told.items() if text}
         return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
 

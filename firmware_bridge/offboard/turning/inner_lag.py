@@ -115,7 +115,7 @@ class InnerLag:
     def found(self) -> tuple[FloatArray, FloatArray]:
         """Lags about x and y (2,) with their standard deviations: flight and assumption, each by what it knows."""
         lags, stds = np.full(2, self.assumed_s), np.full(2, ASSUMED_STD_S)
-        for axis in range(2) if self._windows > _LEAST_WINDOWS else ():
+        for axis in range(2) if self._flown else ():
             least = int(np.argmin(self._sums[:, axis]))
             noise2 = max(self._sums[least, axis] / self.turns, _LEAST_NOISE_RAD**2)
             scatter = (self._scatter + self._pull**2)[least, axis] / max(self._singly[least, axis], 1e-30)
@@ -126,3 +126,23 @@ class InnerLag:
             lags[axis] = weights @ CANDIDATES_S[:, 0]
             stds[axis] = np.sqrt(weights @ (CANDIDATES_S[:, 0] - lags[axis]) ** 2)
         return lags, stds
+
+    @property
+    def _flown(self) -> bool:
+        return self._windows > _LEAST_WINDOWS
+
+    def words(self, *, other_clock: bool) -> str:
+        """What was found.
+
+        Args:
+            other_clock: the poses are stamped by one that is not ours: their age, as far as unknown, passes for lag.
+        """
+        lags, stds = self.found()
+        least = np.argmin(self._sums, axis=0)
+        ends = {len(CANDIDATES_S) - 1: " or more", 0: " or less"} if self._flown else {}
+        each = zip(("roll", "pitch"), lags, least, strict=True)
+        told = ", ".join(f"{axis} {1e3 * lag:.0f} ms{ends.get(int(i), '')}" for axis, lag, i in each)
+        if not self._flown:
+            return f"{told}, as assumed"
+        age = ", with the unknown age of poses of another clock" if other_clock else ""
+        return f"{told}, known to {np.ceil(1e3 * stds.max()):.0f} ms{age}"

@@ -1,5 +1,7 @@
 """The inner loop's lag, by bodies whose lag is known."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,9 @@ from flight import rotations
 ASSUMED_S, DELAY_S, TICK_S, FINE_S = 0.025, 0.006, 0.004, 0.001
 
 
-def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, pose_s=0.01, lost_s=(99.0, 99.0),
+def learnt(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, pose_s=0.01, lost_s=(99.0, 99.0),
           gust_rad_s2=0.0, most_rad_s2=np.inf):  # fmt: skip
-    """What was found of a body that turns about x and y as a curve does, with its lags; poses are noisy and late.
+    """Of a body that turns about x and y as a curve does, with its lags; poses are noisy and late.
 
     Gusts turn it, and no torque turns it faster than `most_rad_s2`.
     """
@@ -39,7 +41,11 @@ def flown(lags_s, *, seconds=8.0, size_rad_s=1.0, late_s=0.012, noise_rad=1e-3, 
             late.append(Pose(now_s + FINE_S, np.zeros(3), rotations.multiply(q, turned)))
         while late and late[0].time_s <= now_s - late_s:
             lag.pose(late.pop(0))
-    return lag.found()
+    return lag
+
+
+def flown(lags_s, **more):
+    return learnt(lags_s, **more).found()
 
 
 @pytest.mark.parametrize(
@@ -73,3 +79,12 @@ def test_a_flight_that_hardly_turns_leaves_what_was_assumed(more):
     lags, stds = flown((0.06, 0.06), **more)
     assert lags == pytest.approx([ASSUMED_S, ASSUMED_S])
     assert stds == pytest.approx([ASSUMED_STD_S, ASSUMED_STD_S])
+
+
+def test_what_was_found_is_told_with_what_it_may_be_too():
+    """Poses of another clock that are 20 ms old passed for 20 ms of lag that was known to 3 ms."""
+    lag = learnt((0.09, 0.03))
+    axes = r"roll 6\d ms or more, pitch \d\d ms, known to \d+ ms"
+    assert re.fullmatch(axes, lag.words(other_clock=False))
+    assert re.fullmatch(f"{axes}, with the unknown age of poses of another clock", lag.words(other_clock=True))
+    assert learnt((0.06, 0.06), seconds=0.3).words(other_clock=True) == "roll 25 ms, pitch 25 ms, as assumed"
