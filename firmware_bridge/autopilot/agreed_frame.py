@@ -110,10 +110,11 @@ class AgreedFrame:
             self._compared_s["heading"] = word.time_s
             between = rotations.multiply(word.q_world_body, rotations.conjugate(at.q_world_body))
             self._turned_rad = float(rotations.yaw(between))
-        if differs := self._missing(word.time_s) or self._differs():
+        missing, differs = self._missing(word.time_s), self._differs()
+        if missing or differs:
             self._since_s = np.inf
-            turned = not self._moved_apart <= MOVED_APART
-            self._parted = self._parted or (differs if self._moved or turned else "")
+            lasting = differs or (missing if self._moved else "")
+            self._parted = self._parted or (lasting if self.armed else "")
         elif not np.isfinite(self._since_s):
             self._since_s = word.time_s
 

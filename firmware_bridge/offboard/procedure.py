@@ -13,7 +13,7 @@ from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Pose
-from firmware_bridge.offboard.tracker import Demand, Tracker
+from firmware_bridge.offboard.tracker import TARGETS_FROM_M_S, Demand, Tracker
 from firmware_bridge.words import reason_text
 from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, rotations, silent
 from flight.flight_log import from_vectors
@@ -68,7 +68,7 @@ class Flight:
         self._ticks = 0
         self._rows: list[dict[str, FloatArray]] = []
         self._stood_m: float | None = None
-        self._told_bound = self._told_clock = self._by_targets = False
+        self._told_bound = self._told_clock = self._by_targets = self._asked_targets = False
         self._apart = ""
         self.status: GuardStatus | None = None
         self.ended_early = ""
@@ -253,6 +253,7 @@ class Flight:
         if status.stage is not Stage.ENDED:
             self._guard.answer(command)
         self._ticks += 1
+        self._asked_targets |= rest.target is not None
         self._tell_of_bound()
         self._tell_of_clock(status)
         self._tell_of_targets(status)
@@ -335,7 +336,13 @@ class Flight:
             return ""
         on_path = columns["mission_state"] == State.TRAJECTORY
         share = float(np.isnan(columns["collective_force_n"][on_path]).mean()) if on_path.any() else 0.0
-        return f"{share:.0%} of the path by position targets{_because(self._apart)}"
+        return f"{share:.0%} of the path by position targets{_because(self._apart or self._never(share))}"
+
+    def _never(self, share: float) -> str:
+        """What was missing where none was flown."""
+        if share > 0.0:
+            return ""
+        return "no metre of way that agreed" if self._asked_targets else f"never above {TARGETS_FROM_M_S} m/s"
 
 
 def _because(reason: str) -> str:
