@@ -270,6 +270,7 @@ def run(setup: GuardSetup, opened: Callable[[], tuple[InnerLoop, Callable[[], No
     """
     poses = UdpPoses(setup.pose_host, setup.pose_port, delay_s=setup.pose_delay_s)
     firmware, close = opened()
+    poses.drop()
     clock: Clock = WallClock()
     if setup.clock_port:
         clock = SteppedClock(setup.clock_port, introduction=struct.pack("<H", poses.address[1]))

@@ -2,17 +2,19 @@
 
 import socket
 import struct
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from firmware_bridge.offboard import guard
 from firmware_bridge.offboard.firmware import Alert, Firmware, Function
 from firmware_bridge.offboard.guard import Guard
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup, Target
 from firmware_bridge.offboard.msp import ANSWER, Decoder, Frame, encode
-from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.poses import Pose, tum_line
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.sticks import Sticks
 from firmware_bridge.offboard.thrust_map import ThrustMap
@@ -283,3 +285,25 @@ def test_nothing_is_learnt_of_a_force_that_was_not_sent():
     scene.run(0.2)
     assert scene.stage is Stage.DESCENDING
     assert not scene.status.by_targets
+
+
+def test_poses_that_queued_while_the_line_opened_do_not_make_another_clock():
+    """Of our own clock, but old when they are read: taken for another's, late would be timely for the flight."""
+    with socket.socket(type=socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    setup = replace(SETUP, pose_host="127.0.0.1", pose_port=port)
+    planner, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+    def opened():
+        old = Pose(time.time() - 0.2, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        with socket.socket(type=socket.SOCK_DGRAM) as out:
+            out.sendto(tum_line(old), ("127.0.0.1", port))
+        line = Answering()
+        return Sticks(setup, Firmware(line)), line.close
+
+    planner.shutdown(socket.SHUT_WR)  # a planner that is gone ends it on the ground
+    guard.run(setup, opened, theirs)
+    status = GuardStatus.unpack(planner.recv(8192))
+    assert not status.other_clock
+    assert not status.poses
