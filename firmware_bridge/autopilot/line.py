@@ -19,7 +19,10 @@ OWN_SYSTEM, OWN_COMPONENT = 255, 191
 _KINDS = {**messages.BY_ID, **autopilot_messages.BY_ID}
 _BOUNDS = (-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10000.0)
 """Of an origin: degrees, degrees, metres."""
-_FORM = "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait there for its first message"
+_FORM = (
+    "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait for its first message; "
+    "after it at most ?origin=LAT,LON,ALT&vision=on&targets=position"
+)
 
 
 @dataclass(frozen=True, slots=True)
