@@ -24,7 +24,7 @@ _LEAST_NOISE_RAD = 1e-3
 _SETTLED_S = 0.4
 """From the first command known: how it turned before fades."""
 _KEPT = 256
-_WINDOW_S, _LEAST_WINDOWS, _FADES = 0.5, 6, 0.97
+_WINDOW_S, _LEAST_WINDOWS, _FADES = 1.0, 2, 0.95
 """A gust pulls every turn of a while the same way: windows of turning are independent, and the old ones fade."""
 _LEAST_SCATTER = 2.0
 """Of windows over that of single turns; few windows may agree by chance."""
