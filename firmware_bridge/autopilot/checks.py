@@ -54,10 +54,10 @@ def when_we_die(found: Settings) -> str:
     value = found.parameters
     if found.flavour is PX4:
         act = _PX4_ACTS.get(int(value.get("COM_OBL_RC_ACT", -1)), "does what COM_OBL_RC_ACT says")
-        return f"without us PX4 holds the last rates for {value['COM_OF_LOSS_T']:g} s, then: {act}"
+        return f"without us PX4 holds what we sent last for {value['COM_OF_LOSS_T']:g} s, then: {act}"
     act = _GCS_ACTS.get(int(value.get("FS_GCS_ENABLE", -1)), "does what FS_GCS_ENABLE says")
     return (
-        f"without us ArduPilot holds the last rates for {value['GUID_TIMEOUT']:g} s, then is level at its height, "
+        f"without us ArduPilot holds what we sent last for {value['GUID_TIMEOUT']:g} s, then is level at its height, "
         f"and after {value.get('FS_GCS_TIMEOUT', 5.0):g} s, "
         f"only if no other station sends as {own_system(found)}: {act}"
     )

@@ -12,6 +12,20 @@ ROTORS = {2: 4, 13: 6, 14: 8, 15: 3, 35: 10}
 
 
 @dataclass(frozen=True, slots=True)
+class Limit:
+    """A parameter that bounds what its position loops follow."""
+
+    name: str
+    does: str
+    """What of a plan it bounds, as a verb."""
+    unit: str
+    scale: float = 1.0
+    """Of the parameter's own unit."""
+    none: float | None = None
+    """The value that sets no limit."""
+
+
+@dataclass(frozen=True, slots=True)
 class Flavour:
     """One kind of autopilot."""
 
@@ -28,6 +42,8 @@ class Flavour:
     """Of them, the thrust that hovers."""
     integers_as_bits: bool
     """A parameter that is a whole number lies in the float's bits, not in its value."""
+    limits: tuple[Limit, ...]
+    """Read where it is told where to be."""
 
 
 PX4 = Flavour(
@@ -39,6 +55,8 @@ PX4 = Flavour(
     ("MC_ROLLRATE_MAX", "MC_PITCHRATE_MAX", "MC_YAWRATE_MAX"),
     "MPC_THR_HOVER",
     True,
+    (Limit("MPC_XY_VEL_MAX", "flies", "m/s"), Limit("MPC_Z_VEL_MAX_UP", "climbs", "m/s"),
+     Limit("MPC_Z_VEL_MAX_DN", "sinks", "m/s"), Limit("MPC_TILTMAX_AIR", "tilts", "deg")),
 )  # fmt: skip
 ARDUPILOT = Flavour(
     "ArduPilot",
@@ -49,6 +67,10 @@ ARDUPILOT = Flavour(
     ("ATC_RATE_R_MAX", "ATC_RATE_P_MAX", "ATC_RATE_Y_MAX"),
     "MOT_THST_HOVER",
     False,
+    (Limit("WPNAV_SPEED", "flies", "m/s", 0.01), Limit("WPNAV_SPEED_UP", "climbs", "m/s", 0.01),
+     Limit("WPNAV_SPEED_DN", "sinks", "m/s", 0.01), Limit("WPNAV_ACCEL", "speeds up or bends by", "m/s2", 0.01),
+     Limit("WPNAV_ACCEL_Z", "speeds up or down by", "m/s2", 0.01), Limit("ANGLE_MAX", "tilts", "deg", 0.01),
+     Limit("PSC_ANGLE_MAX", "tilts", "deg", none=0.0)),
 )  # fmt: skip
 BY_AUTOPILOT = {12: PX4, 3: ARDUPILOT}
 """By MAV_AUTOPILOT of HEARTBEAT."""

@@ -16,7 +16,7 @@ def main() -> None:
 
     def opened() -> tuple[InnerLoop, Callable[[], None]]:
         opened = line.MavlinkLine(address, own_system=setup.own_system, system=setup.system)
-        return Autopilot(setup, opened, vision=address.vision), opened.close
+        return Autopilot(setup, opened, vision=address.vision, position=address.position), opened.close
 
     process(setup, opened, int(sys.argv[2]))
 

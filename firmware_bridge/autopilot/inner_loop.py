@@ -1,9 +1,10 @@
-"""An autopilot as the guard's inner loop: SET_ATTITUDE_TARGET goes out, its state and its refusals come in."""
+"""An autopilot as the guard's inner loop: set-points go out, its state and its refusals come in."""
 
 from collections import deque
 
 import numpy as np
 
+from firmware_bridge.autopilot.agreed_frame import AgreedFrame
 from firmware_bridge.autopilot.euler import roll_pitch_yaw
 from firmware_bridge.autopilot.flavour import ARM_DISARM, DO_SET_MODE, SET_MESSAGE_INTERVAL, refusal
 from firmware_bridge.autopilot.line import MavlinkLine
@@ -13,6 +14,7 @@ from firmware_bridge.dialect.generated.autopilot_messages import (
     CurrentMode,
     ServoOutputRaw,
     SetAttitudeTarget,
+    SetPositionTargetLocalNed,
     VisionPositionEstimate,
 )
 from firmware_bridge.dialect.generated.messages import (
@@ -28,11 +30,14 @@ from firmware_bridge.dialect.generated.messages import (
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.offboard.firmware import Alert, FirmwareState
 from firmware_bridge.offboard.ladder import Stage
+from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.poses import Pose
 from flight import FloatArray, frames
 
 RATES_AND_THRUST = 128
 """SET_ATTITUDE_TARGET's type mask: the attitude is not looked at."""
+EVERYTHING, LOCAL_NED = 0, 1
+"""SET_POSITION_TARGET_LOCAL_NED's type mask and frame."""
 CUSTOM_MODE = 1.0
 HEARTBEAT_S, ASK_S, ARM_S, VISION_S = 1.0, 1.0, 0.5, 1.0 / 30.0
 INTERVALS_HZ = {
@@ -57,8 +62,17 @@ class Autopilot:
     pilot_arms = True
     """Whoever arms it, its own checks decide when it disarms."""
 
-    def __init__(self, setup: AutopilotSetup, line: MavlinkLine, *, vision: bool = False) -> None:
+    def __init__(
+        self, setup: AutopilotSetup, line: MavlinkLine, *, vision: bool = False, position: bool = False
+    ) -> None:
+        """
+        Args:
+            vision: pass poses on to its estimator.
+            position: tell it where to be, on the way of a plan, while its frame agrees with that of the poses.
+        """
         self._setup, self._line, self._vision = setup, line, vision
+        self._frame = AgreedFrame() if position else None
+        self.by_targets = False
         self.state = FirmwareState()
         self._mode = -1
         self._came_s: dict[int, float] = {}
@@ -79,15 +93,26 @@ class Autopilot:
         texts = [text for time_s, text in self._texts if self._now_s - time_s < _TEXT_S]
         return "; ".join([*filter(None, self._refused.values()), *dict.fromkeys(texts)])
 
+    @property
+    def apart(self) -> str:
+        """Before it is armed, why it is not to be; then, why it is not told."""
+        if self._frame is None:
+            return ""
+        return self._frame.apart if self.state.armed else self._frame.unready(self._now_s)
+
     def listen(self, now_s: float) -> None:
         self._now_s = now_s
         for received in self._line.receive():
             if (received.system_id, received.component_id) == (self._setup.system, AUTOPILOT_COMPONENT):
                 self.state.heard_s = self._came_s[received.message.ID] = now_s
                 self._take(received.message, now_s)
+        if self._frame is not None:
+            self._frame.armed = self.state.armed
 
     def seen(self, now_s: float, pose: Pose) -> None:
         """Passed on at most 30 times a second."""
+        if self._frame is not None:
+            self._frame.pose(pose)
         if not self._vision or now_s - self._vision_s < VISION_S:
             return
         self._vision_s = now_s
@@ -96,24 +121,43 @@ class Autopilot:
         unknown = (float("nan"), *[0.0] * 20)
         self._line.send(VisionPositionEstimate(round(pose.time_s * 1e6), x, y, z, roll, pitch, yaw, unknown))
 
-    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
+    def command(
+        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
+    ) -> None:
         if now_s - self._beat_s >= HEARTBEAT_S:
             self._line.send(heartbeat())
             self._beat_s = now_s
         self._ask_for_messages(now_s)
         self._mind_the_pilot(stage)
+        self.by_targets = False
         if stage is Stage.PILOT or (stage is Stage.DOWN and not self.ours):
             return  # nothing from us: PX4's mode cannot even be entered again
+        if target is not None and self._frame is not None and self.ours and self._frame.at(now_s):
+            self.by_targets = True
+            self._line.send(self._at(now_s, target))
+        else:
+            self._line.send(self._turning(now_s, force_n, rate_body_rad_s))
+        self._arm_or_disarm(now_s, stage)
+
+    def _turning(self, now_s: float, force_n: float, rate_body_rad_s: FloatArray) -> SetAttitudeTarget:
         thrust = self._setup.thrust.command(force_n, self.state.battery_v) if force_n > 0.0 else 0.0
         x, y, z = frames.flip_vector(rate_body_rad_s)
-        self._line.send(
-            SetAttitudeTarget(
-                time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=x,
-                body_pitch_rate=y, body_yaw_rate=z, thrust=thrust, target_system=self._setup.system,
-                target_component=AUTOPILOT_COMPONENT, type_mask=RATES_AND_THRUST,
-            )
+        return SetAttitudeTarget(
+            time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, q=(1.0, 0.0, 0.0, 0.0), body_roll_rate=x,
+            body_pitch_rate=y, body_yaw_rate=z, thrust=thrust, target_system=self._setup.system,
+            target_component=AUTOPILOT_COMPONENT, type_mask=RATES_AND_THRUST,
         )  # fmt: skip
-        self._arm_or_disarm(now_s, stage)
+
+    def _at(self, now_s: float, target: Target) -> SetPositionTargetLocalNed:
+        """Yaw from x towards y, z up, is from north towards west: it changes its sign."""
+        x, y, z = frames.flip_vector(target.position_world_m)
+        vx, vy, vz = frames.flip_vector(target.velocity_world_m_s)
+        ax, ay, az = frames.flip_vector(target.acceleration_world_m_s2)
+        return SetPositionTargetLocalNed(
+            time_boot_ms=round(now_s * 1e3) & 0xFFFFFFFF, x=x, y=y, z=z, vx=vx, vy=vy, vz=vz, afx=ax, afy=ay, afz=az,
+            yaw=-target.yaw_rad, yaw_rate=-target.yaw_rate_rad_s, type_mask=EVERYTHING, coordinate_frame=LOCAL_NED,
+            target_system=self._setup.system, target_component=AUTOPILOT_COMPONENT,
+        )  # fmt: skip
 
     def _mind_the_pilot(self, stage: Stage) -> None:
         """His switch ends us before it is armed too."""
@@ -164,8 +208,12 @@ class Autopilot:
         elif isinstance(message, AttitudeQuaternion):
             q = frames.flip_attitude(np.array([message.q1, message.q2, message.q3, message.q4]))
             state.roll_pitch_rad, state.attitude_s = np.array(roll_pitch_yaw(q)[:2]), now_s
+            if self._frame is not None:
+                self._frame.attitude(now_s, q)
         elif isinstance(message, LocalPositionNed):
             self._take_height(-message.z, now_s)
+            if self._frame is not None:
+                self._frame.position(now_s, frames.flip_vector(np.array([message.x, message.y, message.z])))
             state.climb_m_s = -message.vz
             state.has_barometer = True  # its estimate of the height has at least one
         elif isinstance(message, ServoOutputRaw) and message.port == 0:

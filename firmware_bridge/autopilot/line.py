@@ -19,7 +19,10 @@ OWN_SYSTEM, OWN_COMPONENT = 255, 191
 _KINDS = {**messages.BY_ID, **autopilot_messages.BY_ID}
 _BOUNDS = (-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10000.0)
 """Of an origin: degrees, degrees, metres."""
-_FORM = "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait there for its first message"
+_FORM = (
+    "mavlink:udp://127.0.0.1:PORT, or mavlink:udpin://127.0.0.1:PORT to wait for its first message; "
+    "after it at most ?origin=LAT,LON,ALT&vision=on&targets=position"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +37,12 @@ class Address:
     """Latitude and longitude in degrees, metres above the sea: of the local frame, for an estimator without GPS."""
     vision: bool = False
     """Pass poses on to its estimator."""
+    position: bool = False
+    """On the path its own position loops fly, told where to be; its estimator's frame is that of the poses then."""
 
 
 def parsed(text: str) -> Address:
-    """Of `mavlink:udp://HOST:PORT?origin=LAT,LON,ALT&vision=on`.
+    """Of `mavlink:udp://HOST:PORT?origin=LAT,LON,ALT&vision=on&targets=position`.
 
     Raises:
         InputError: it is none, or not on this machine.
@@ -45,17 +50,18 @@ def parsed(text: str) -> Address:
     parts = urlsplit(text.removeprefix(PREFIX))
     try:
         query = {name: values[-1] for name, values in parse_qs(parts.query, strict_parsing=bool(parts.query)).items()}
-        unknown = set(query) - {"origin", "vision"}
+        unknown = set(query) - {"origin", "vision", "targets"}
         if parts.scheme not in ("udp", "udpin") or not parts.hostname or not parts.port or unknown:
             raise ValueError
         origin = tuple(float(word) for word in query["origin"].split(",")) if "origin" in query else None
         if origin is not None and not (len(origin) == 3 and all(map(_within, origin, _BOUNDS))):
             raise ValueError
         vision = {"on": True, "off": False, None: False}[query.get("vision")]
+        position = {"position": True, "rates": False, None: False}[query.get("targets")]
     except (ValueError, KeyError):
         raise InputError(f"{text!r} is no autopilot's address; give {_FORM}") from None
     _require_this_machine(text, parts.hostname)
-    return Address(parts.hostname, parts.port, parts.scheme == "udpin", origin, vision)  # pyright: ignore[reportArgumentType]
+    return Address(parts.hostname, parts.port, parts.scheme == "udpin", origin, vision, position)  # pyright: ignore[reportArgumentType]
 
 
 def _within(value: float, bounds: tuple[float, float]) -> bool:

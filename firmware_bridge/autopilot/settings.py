@@ -2,7 +2,7 @@
 
 import struct
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from firmware_bridge.autopilot.flavour import ARDUPILOT, BY_AUTOPILOT, COPTERS, REQUEST_MESSAGE, Flavour
 from firmware_bridge.autopilot.line import AUTOPILOT_COMPONENT, Address, MavlinkLine
@@ -62,11 +62,13 @@ def read(line: MavlinkLine, address: Address, *, patience_s: float = 10.0) -> Se
         raise LinkError(f"an autopilot of kind {first.autopilot} answers; PX4 (12) and ArduPilot (3) are flown")
     if first.type not in COPTERS:
         raise LinkError(f"a vehicle of MAV_TYPE {first.type} answers; only multicopters are flown")
-    values, version, origin = _told(line, system, flavour)
+    limits = tuple(limit.name for limit in flavour.limits) if address.position else ()
+    asked = replace(flavour, parameters=flavour.parameters + limits)
+    values, version, origin = _told(line, system, asked)
     if address.origin is not None and not origin:
         latitude, longitude, altitude_m = address.origin
         line.send(SetGpsGlobalOrigin(round(1e7 * latitude), round(1e7 * longitude), round(1e3 * altitude_m), system))
-        _, _, origin = _told(line, system, flavour, known=set(flavour.parameters))
+        _, _, origin = _told(line, system, asked, known=set(asked.parameters))
     while flavour is ARDUPILOT and (left_s := begin_s + _STATIONS_S - time.monotonic()) > 0.0:
         line.receive(left_s)  # a heartbeat of every station
     stations = frozenset(line.stations)

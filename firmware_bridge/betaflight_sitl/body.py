@@ -42,6 +42,10 @@ SETTINGS = (
 """What the how-to page tells the user to set."""
 
 
+class GivenUpError(LinkError):
+    """The flight was given up before it began: why, another knows."""
+
+
 @dataclass(frozen=True, slots=True)
 class Tracking:
     """The motion capture of the simulated body."""
@@ -124,7 +128,7 @@ class Body:
                 stalls += guard is not None
         if stalls == MOST_STALLS:
             raise StalledError(f"the lock step of Betaflight's SITL stalled {stalls} times as it began: fly it again")
-        raise LinkError("given up before it began")
+        raise GivenUpError("given up before it began")
 
     def _fly(self, firmware: Sitl, guard: socket.socket, longest_s: float, after_s: float) -> None:
         rng = np.random.default_rng(self.seed)

@@ -14,6 +14,8 @@ LONGEST_FAILSAFE_S, LONGEST_ALONE_S = 1.5, 0.3
 longer, a vehicle without a pilot falls before it begins to land."""
 LOWEST_SERIAL_HZ = 500
 SMALLEST_ARMING_DEG = 15
+HOVER_THROTTLE = 0.15, 0.8
+"""By the vehicle file: a hover beyond leaves no room, or is of another vehicle than one that flies."""
 _AS_IT_MUST_BE = {
     "rates_type": "ACTUAL",
     "roll_expo": "0",
@@ -50,6 +52,16 @@ _MIXERS = {
     8: ("OCTOX8", "OCTOFLATX", "OCTOFLATP"),
 }  # fmt: skip
 """By how many rotors they drive; the first is the usual one."""
+
+
+def hover(throttle: float) -> ArmingCheck:
+    """Whether the vehicle file's hover is one to fly by."""
+    least, most = HOVER_THROTTLE
+    return ArmingCheck(
+        "hover throttle", least <= throttle <= most,
+        f"{throttle:.2f} of full by the vehicle file, expected {least} to {most}",
+        "mend its mass, thrust or rotor_speed_max_rad_s",
+    )  # fmt: skip
 
 
 def by_msp_alone(settings: Settings) -> bool:

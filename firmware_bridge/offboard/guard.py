@@ -20,7 +20,7 @@ from firmware_bridge.offboard.clock import Clock, SteppedClock, WallClock
 from firmware_bridge.offboard.descent import Descent
 from firmware_bridge.offboard.firmware import Firmware, FirmwareState
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Ladder, Seen, Stage, Wish
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup, Target
 from firmware_bridge.offboard.pose_watch import PoseWatch
 from firmware_bridge.offboard.poses import Pose, Poses, UdpPoses
 from firmware_bridge.offboard.prediction import Motion, Predictor
@@ -73,6 +73,14 @@ class InnerLoop(Protocol):
         """Why it does not arm, in words."""
         ...
 
+    by_targets: bool
+    """Its own position loops fly, by the target sent last; force and rates were not sent."""
+
+    @property
+    def apart(self) -> str:
+        """Why it cannot be told, or is told no more, where to be; empty where nobody asked for it."""
+        ...
+
     def listen(self, now_s: float) -> None:
         """Take in what has come."""
         ...
@@ -81,16 +89,30 @@ class InnerLoop(Protocol):
         """A pose that is believed, for a firmware that estimates by it."""
         ...
 
-    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
-        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,)."""
+    def command(
+        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
+    ) -> None:
+        """Once a tick: collective force, 0 for rotors at rest, and body rates (3,).
+
+        Args:
+            target: the set-point that they follow, where a firmware has loops of its own for it.
+        """
         ...
 
 
 class Guard:
     """One flight; `tick` until it returns False."""
 
-    def __init__(self, setup: GuardSetup, firmware: InnerLoop, poses: Poses, planner: socket.socket) -> None:
+    def __init__(
+        self, setup: GuardSetup, firmware: InnerLoop, poses: Poses, planner: socket.socket, *,
+        other_clock: Callable[[], bool] = lambda: False,
+    ) -> None:  # fmt: skip
+        """
+        Args:
+            other_clock: whether the poses are stamped by one that is not ours.
+        """
         self._setup, self._firmware, self._poses, self._planner = setup, firmware, poses, planner
+        self._other_clock = other_clock
         self._ladder, self._command, self._gone, self._hung = Ladder(), _IDLE, False, False
         self._predictor = Predictor(setup.mass_kg, setup.gravity_m_s2)
         self._airborne, self._watch = Airborne(setup.mass_kg, setup.gravity_m_s2), PoseWatch()
@@ -135,12 +157,22 @@ class Guard:
         stage = self._ladder.step(now_s, seen)
         force_n, rate = self._demand(now_s, stage)
         self._predictor.on_ground = force_n <= 0.0
-        self._predictor.command(now_s, force_n, rate)
-        self._airborne.commanded(self._setup.period_s, force_n, armed=state.armed and ours)
-        self._firmware.command(now_s, stage, force_n, rate)
+        followed = stage is Stage.FOLLOWING and self._command.wish is Wish.FLY
+        self._firmware.command(now_s, stage, force_n, rate, self._command.target if followed else None)
+        self._sent(now_s, force_n, rate, armed=state.armed and ours, followed=followed)
         self._tell(now_s, stage, seen)
         self._ticks += 1
         return stage is not Stage.ENDED
+
+    def _sent(self, now_s: float, force_n: float, rate: FloatArray, *, armed: bool, followed: bool) -> None:
+        """Nothing is learnt from a force that was not sent."""
+        if self._firmware.by_targets:
+            self._predictor.unknown(now_s)
+            return
+        if followed:
+            self._learn_hover(now_s, force_n)
+        self._predictor.command(now_s, force_n, rate)
+        self._airborne.commanded(self._setup.period_s, force_n, armed=armed)
 
     def _hear(self, now_s: float) -> None:
         self._firmware.listen(now_s)
@@ -186,7 +218,8 @@ class Guard:
 
     def _demand(self, now_s: float, stage: Stage) -> tuple[float, FloatArray]:
         if stage is Stage.FOLLOWING:
-            return self._followed(now_s)
+            flies = self._command.wish is Wish.FLY
+            return (self._command.force_n, self._command.rate_body_rad_s) if flies else (0.0, np.zeros(3))
         if stage is Stage.PILOT:
             self._descent = None
             self._predictor.reset()
@@ -200,17 +233,14 @@ class Guard:
             self._descent = Descent(now_s, self._airborne.hover_n, height_m, self._setup.gravity_m_s2)
         return self._descent.force_and_rate(now_s, state, self._motion(now_s))
 
-    def _followed(self, now_s: float) -> tuple[float, FloatArray]:
-        command = self._command
-        if command.wish is not Wish.FLY:
-            return 0.0, np.zeros(3)
-        motion = self._motion(now_s) if self._airborne.lifted and self._ticks % _HOVER_TICKS == 0 else None
-        up_body = self._firmware.state.up_body(now_s)
+    def _learn_hover(self, now_s: float, force_n: float) -> None:
+        """From every few ticks of a planner's flight."""
+        if not (self._airborne.lifted and self._ticks % _HOVER_TICKS == 0):
+            return
+        motion, up_body = self._motion(now_s), self._firmware.state.up_body(now_s)
         if motion is not None and up_body is not None:
             climbing = float(self._predictor.acceleration_world_m_s2(motion, motion.q_world_body)[2])
-            period_s = _HOVER_TICKS * self._setup.period_s
-            self._airborne.hovers(period_s, command.force_n, float(up_body[2]), climbing)
-        return command.force_n, command.rate_body_rad_s
+            self._airborne.hovers(_HOVER_TICKS * self._setup.period_s, force_n, float(up_body[2]), climbing)
 
     def _motion(self, now_s: float) -> Motion | None:
         """By poses that can be believed, stamped with that of the last."""
@@ -225,7 +255,8 @@ class Guard:
         status = GuardStatus(
             stage, self._ladder.reason, state.armed, seen.sticks_ours, now_s, state.heard_s, state.battery_v,
             state.motors, state.arming_flags, tuple(self._new_poses), next(iter(state.other_modes), 0),
-            state.battery_alert, self._firmware.said,
+            state.battery_alert, self._firmware.said, self._firmware.by_targets, self._firmware.apart,
+            self._other_clock(),
         )  # fmt: skip
         with contextlib.suppress(OSError, struct.error):  # a full or closed socket is the planner's loss
             self._planner.send(status.pack())
@@ -239,11 +270,12 @@ def run(setup: GuardSetup, opened: Callable[[], tuple[InnerLoop, Callable[[], No
     """
     poses = UdpPoses(setup.pose_host, setup.pose_port, delay_s=setup.pose_delay_s)
     firmware, close = opened()
+    poses.drop()
     clock: Clock = WallClock()
     if setup.clock_port:
         clock = SteppedClock(setup.clock_port, introduction=struct.pack("<H", poses.address[1]))
     planner.setblocking(False)
-    guard = Guard(setup, firmware, poses, planner)
+    guard = Guard(setup, firmware, poses, planner, other_clock=lambda: poses.other_clock)
     due_s = now_s = clock.now_s()
     try:
         while guard.tick(now_s):

@@ -1,5 +1,6 @@
 """Where the vehicle is, as a tracking system says: one small interface, and a stream of TUM lines over UDP."""
 
+import contextlib
 import math
 import socket
 from collections import deque
@@ -82,6 +83,11 @@ class UdpPoses:
         self._believed: bool | None = None
 
     @property
+    def other_clock(self) -> bool:
+        """Whether its stamps are of a clock that is not ours; not known before the first."""
+        return self._believed is False
+
+    @property
     def address(self) -> tuple[str, int]:
         host, port = self._socket.getsockname()
         return str(host), int(port)
@@ -109,6 +115,12 @@ class UdpPoses:
         self._differences_s.append(difference_s)
         offset_s = min(self._differences_s) - self._delay_s
         return Pose(pose.time_s + offset_s, pose.position_world_m, pose.q_world_body)
+
+    def drop(self) -> None:
+        """What has queued while nobody read: it is old, whatever its clock."""
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._socket.recv(65536)
 
     def close(self) -> None:
         self._socket.close()

@@ -3,6 +3,8 @@
 A fading-memory filter at the stamp of each pose, and from there the commands of the time since: the inner loop follows
 a commanded rate, and the rotors a commanded force, each with a lag. What the forces do not explain is a slow
 acceleration, which is estimated too. A pose that contradicts the prediction is not used.
+
+While other loops fly by commands that nobody knows, rates and force stay what poses show them to be.
 """
 
 from collections import deque
@@ -31,8 +33,8 @@ class Lags:
 
     delay_s: float = 0.006
     """From a command to the first answer of the rotors."""
-    rate_s: float = 0.025
-    """Of the inner loop."""
+    rate_s: float | FloatArray = 0.025
+    """Of the inner loop; (3,) about each axis where they are known."""
     force_s: float = 0.035
     """Of the rotors."""
 
@@ -73,7 +75,8 @@ class Predictor:
     def __init__(self, mass_kg: float, gravity_m_s2: float, lags: Lags | None = None, memory: Memory | None = None):
         self._mass_kg, self._gravity_m_s2 = mass_kg, gravity_m_s2
         self._lags, self._memory = lags or Lags(), memory or Memory()
-        self._commands: deque[tuple[float, float, FloatArray]] = deque()
+        self._commands: deque[tuple[float, float | None, FloatArray]] = deque()
+        """When each takes effect, force, rates; no force: nobody knows what was commanded."""
         self._last: Motion | None = None
         self.on_ground = True
         """While it stands, the ground holds it: no force is integrated."""
@@ -87,7 +90,18 @@ class Predictor:
         """Of the last pose used; minus infinity before the first."""
         return self._last.time_s if self._last is not None else -np.inf
 
+    def follow(self, lags: Lags) -> None:
+        """What the lags have been found to be, from now on."""
+        self._lags = lags
+
     def command(self, time_s: float, force_n: float, rate_body_rad_s: FloatArray) -> None:
+        self._keep(time_s, force_n, rate_body_rad_s)
+
+    def unknown(self, time_s: float) -> None:
+        """Instead of `command`: another was sent, or none."""
+        self._keep(time_s, None, np.zeros(3))
+
+    def _keep(self, time_s: float, force_n: float | None, rate_body_rad_s: FloatArray) -> None:
         self._commands.append((time_s + self._lags.delay_s, force_n, rate_body_rad_s))
         while self._commands[0][0] < time_s - _KEPT_S:
             self._commands.popleft()
@@ -124,7 +138,21 @@ class Predictor:
             return False
         self.refused = 0
         self._last = self._corrected(then, missed_m, turned_rad, since_s)
+        if self._unknown_at(pose.time_s):
+            self._take_for_force(self._last)
         return True
+
+    def _unknown_at(self, time_s: float) -> bool:
+        due = [force_n for due_s, force_n, _ in self._commands if due_s <= time_s]
+        return bool(due) and due[-1] is None
+
+    def _take_for_force(self, now: Motion) -> None:
+        """What is unexplained along body z is the rotors': nobody knows what they were asked for."""
+        up = rotations.rotate(now.q_world_body, _UP)
+        m_s2_of_n = self.lift / self._mass_kg
+        force_n = max(now.force_n + float(now.unexplained_world_m_s2 @ up) / m_s2_of_n, 0.0)
+        now.unexplained_world_m_s2 = now.unexplained_world_m_s2 - m_s2_of_n * (force_n - now.force_n) * up
+        now.force_n = force_n
 
     def _corrected(self, then: Motion, missed_m: FloatArray, turned_rad: FloatArray, since_s: float) -> Motion:
         """Fading memory of second order in acceleration, of first order in rate (Morrison 1969)."""
@@ -163,10 +191,11 @@ class Predictor:
                 self._step(now, min(end_s, now.time_s + _STEP_S) - now.time_s, force_n, rate)
         return now
 
-    def _step(self, now: Motion, step_s: float, force_n: float, rate_body_rad_s: FloatArray) -> None:
+    def _step(self, now: Motion, step_s: float, force_n: float | None, rate_body_rad_s: FloatArray) -> None:
         """One Euler step, half a step of the attitude first."""
-        now.rate_body_rad_s += (rate_body_rad_s - now.rate_body_rad_s) * (1.0 - np.exp(-step_s / self._lags.rate_s))
-        now.force_n += (force_n - now.force_n) * (1.0 - np.exp(-step_s / self._lags.force_s))
+        if force_n is not None:
+            now.rate_body_rad_s += (rate_body_rad_s - now.rate_body_rad_s) * (1.0 - np.exp(-step_s / self._lags.rate_s))
+            now.force_n += (force_n - now.force_n) * (1.0 - np.exp(-step_s / self._lags.force_s))
         q_middle = rotations.multiply(now.q_world_body, rotations.exp(0.5 * step_s * now.rate_body_rad_s))
         now.q_world_body = rotations.multiply(now.q_world_body, rotations.exp(step_s * now.rate_body_rad_s))
         acceleration = self.acceleration_world_m_s2(now, q_middle)

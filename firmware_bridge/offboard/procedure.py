@@ -13,7 +13,7 @@ from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.ladder import POSE_STALE_S, Stage, Wish
 from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
 from firmware_bridge.offboard.poses import Pose
-from firmware_bridge.offboard.tracker import Demand, Tracker
+from firmware_bridge.offboard.tracker import TARGETS_FROM_M_S, Demand, Tracker
 from firmware_bridge.words import reason_text
 from flight import FlightLog, FloatArray, LinkError, Progress, Trajectory, rotations, silent
 from flight.flight_log import from_vectors
@@ -68,7 +68,8 @@ class Flight:
         self._ticks = 0
         self._rows: list[dict[str, FloatArray]] = []
         self._stood_m: float | None = None
-        self._told_bound = False
+        self._told_bound = self._told_clock = self._by_targets = self._asked_targets = False
+        self._apart = ""
         self.status: GuardStatus | None = None
         self.ended_early = ""
 
@@ -155,7 +156,7 @@ class Flight:
     def _ready(self) -> bool:
         status = self._heard()
         flags = status.arming_flags
-        at_rest = not flags and not status.armed and not status.other_mode and not status.battery_alert
+        at_rest = not (flags or status.armed or status.other_mode or status.battery_alert or status.apart)
         heard = status.time_s - status.heard_s < _SILENT_S and self._pose_is_fresh(status)
         return at_rest and heard and self.tracker.ready and self._ticks > 250
 
@@ -233,6 +234,8 @@ class Flight:
             return f"mode {RATE_CHANGING[status.other_mode]} is on, in which sticks are no body rates; switch it off"
         if status.battery_alert and self._wish is Wish.WAIT:
             return f"the battery is low to the firmware, at {status.battery_v:.1f} V; charge or change it"
+        if status.apart and self._wish is Wish.WAIT:
+            return status.apart
         if status.said:
             return f"the firmware says: {status.said}"
         if not status.sticks_ours:
@@ -242,15 +245,18 @@ class Flight:
     def _tick(self) -> None:
         self.status = status = self._guard.hear()
         self._inbox += status.poses
-        demand = self.tracker.tick(status.time_s, battery_v=status.battery_v)
+        demand = self.tracker.tick(status.time_s, battery_v=status.battery_v, by_targets=status.by_targets)
         rest = demand or Demand(status.time_s, 0.0, np.zeros(3), -np.inf)
         given_up = self._wish is Wish.FLY and self.tracker.state is State.FAULT
         wish = self._wish_at_end() if given_up else self._wish
-        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, wish)
+        command = PlannerCommand(rest.time_s, rest.pose_time_s, rest.force_n, rest.rate_body_rad_s, wish, rest.target)
         if status.stage is not Stage.ENDED:
             self._guard.answer(command)
         self._ticks += 1
+        self._asked_targets |= rest.target is not None
         self._tell_of_bound()
+        self._tell_of_clock(status)
+        self._tell_of_targets(status)
         if demand is not None and self._ticks % _LOG_EVERY == 0:
             self._keep(status, demand)
 
@@ -261,9 +267,26 @@ class Flight:
             self._told_bound = True
             self._progress(f"warning: rotors of {learnt.share:.0%} of the vehicle file's thrust or beyond", 0.0)
 
+    def _tell_of_clock(self, status: GuardStatus) -> None:
+        if status.other_clock and not self._told_clock:
+            self._told_clock = True
+            self._progress(
+                "the poses are stamped by another clock: taken to be as old as ?delay= says, 0 s without", 0.0
+            )
+
+    def _tell_of_targets(self, status: GuardStatus) -> None:
+        apart = status.apart if status.armed else ""
+        if (status.by_targets, apart or self._apart) == (self._by_targets, self._apart):
+            return
+        self._by_targets, self._apart = status.by_targets, apart or self._apart
+        theirs = "its own position loops fly; our prediction and thrust learning rest"
+        ours = f"flown by rates and thrust{_because(self._apart)}"
+        self._progress(theirs if status.by_targets else ours, 0.0)
+
     def _keep(self, status: GuardStatus, demand: Demand) -> None:
         motion, telemetry = self.tracker.motion, self.tracker.controller.telemetry
         assert motion is not None
+        sent = np.nan if status.by_targets else 1.0
         self._rows.append(
             {
                 "time_s": np.array(status.time_s),
@@ -273,10 +296,10 @@ class Flight:
                 "rate_body_rad_s": motion.rate_body_rad_s,
                 "setpoint_position_world_m": np.asarray(telemetry["setpoint"]["position_world_m"], np.float64),
                 **{
-                    f"setpoint_rate_body_{a}_rad_s": np.array(w)
+                    f"setpoint_rate_body_{a}_rad_s": np.array(sent * w)
                     for a, w in zip("xyz", demand.rate_body_rad_s, strict=True)
                 },
-                "collective_force_n": np.array(demand.force_n),
+                "collective_force_n": np.array(sent * demand.force_n),
                 "felt_force_n": np.array(self._felt_n()),
                 "mission_state": np.array(float(self.tracker.state)),
                 "battery_v": np.array(status.battery_v),
@@ -301,10 +324,29 @@ class Flight:
         scalars = {name: values for name, values in columns.items() if values.ndim == 1}
         vectors = {name: values for name, values in columns.items() if values.ndim == 2}
         share = self.tracker.effectiveness.share
-        metadata = {"source": "off board", "thrust_share": f"{share:.3f}"} | (
-            {"ended_early": self.ended_early} if self.ended_early else {}
-        )
+        told = {"ended_early": self.ended_early, "targets": self._targets_flown(columns)}
+        metadata = {"source": "off board", "thrust_share": f"{share:.3f}"}
+        metadata["inner_loop_lag"] = self.tracker.inner_lag.words(other_clock=self._told_clock)
+        metadata |= {name: text for name, text in told.items() if text}
         return from_vectors(time_s, vectors, scalars=scalars, metadata=metadata)
+
+    def _targets_flown(self, columns: dict[str, FloatArray]) -> str:
+        """How much of the path its own position loops flew, in words; empty where they were not to."""
+        if not self.tracker.gives_targets:
+            return ""
+        on_path = columns["mission_state"] == State.TRAJECTORY
+        share = float(np.isnan(columns["collective_force_n"][on_path]).mean()) if on_path.any() else 0.0
+        return f"{share:.0%} of the path by position targets{_because(self._apart or self._never(share))}"
+
+    def _never(self, share: float) -> str:
+        """What was missing where none was flown."""
+        if share > 0.0:
+            return ""
+        return "no metre of way that agreed" if self._asked_targets else f"never above {TARGETS_FROM_M_S} m/s"
+
+
+def _because(reason: str) -> str:
+    return f": {reason}" if reason else ""
 
 
 def _words(error: Exception) -> str:

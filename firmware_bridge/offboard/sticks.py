@@ -4,7 +4,7 @@ import numpy as np
 
 from firmware_bridge.offboard.firmware import Firmware, FirmwareState, reasons
 from firmware_bridge.offboard.ladder import Stage
-from firmware_bridge.offboard.messages import Setup
+from firmware_bridge.offboard.messages import Setup, Target
 from firmware_bridge.offboard.poses import Pose
 from flight import FloatArray
 
@@ -15,7 +15,9 @@ _LEVELLING = {1, 2, 3, 11, 27, 46}
 
 
 class Sticks:
-    """An `InnerLoop` by MSP."""
+    """An `InnerLoop` by MSP, which knows no targets."""
+
+    by_targets, apart = False, ""
 
     def __init__(self, setup: Setup, firmware: Firmware) -> None:
         self._setup, self._firmware = setup, firmware
@@ -40,7 +42,11 @@ class Sticks:
     def seen(self, now_s: float, pose: Pose) -> None:
         """Betaflight has no use for poses."""
 
-    def command(self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray) -> None:
+    def command(
+        self, now_s: float, stage: Stage, force_n: float, rate_body_rad_s: FloatArray, target: Target | None = None
+    ) -> None:
+        """Sticks are rates and throttle."""
+        del target
         setup = self._setup
         if stage is Stage.DESCENDING and _LEVELLING.intersection(self.state.other_modes):
             rate_body_rad_s = np.zeros(3)

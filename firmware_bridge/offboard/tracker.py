@@ -11,10 +11,12 @@ import numpy as np
 
 from firmware_bridge.controller import Configuration, Controller, State
 from firmware_bridge.offboard.collective.at_rest import Lead, RotorsAtRest
-from firmware_bridge.offboard.collective.effectiveness import UPRIGHT, Effectiveness, Moment
+from firmware_bridge.offboard.collective.effectiveness import SLOW_M_S, UPRIGHT, Effectiveness, Moment
+from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.poses import Poses
 from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.offboard.thrust_map import ThrustMap
+from firmware_bridge.offboard.turning.inner_lag import InnerLag
 from firmware_bridge.words import reason_text
 from flight import FloatArray, rotations
 
@@ -30,9 +32,14 @@ _ESC_S = 0.005
 """From a throttle to the rotors, beside their lag."""
 _RISEN_M = 0.1
 """In a take-off: off the ground, which bears the vehicle, and out of its effect."""
+_MOVES = ("position_world_m", "velocity_world_m_s", "acceleration_world_m_s2")
 _LEAD_S, _SHORTEST_S, _LONGEST_S = 0.018, 1e-3, 0.1
 """Low-pass of how the reference turns; steps of a tick."""
+_LAG_EVERY = 25
+"""Ticks of a plan's way between looks at what the inner loop's lag was found to be."""
 STANDING = (State.DISARMED, State.ARMED, State.FAULT)
+TARGETS_FROM_M_S, TARGETS_TO_M_S = 1.4, SLOW_M_S
+"""Of set-point and vehicle: where a plan moves the firmware's position loops fly, and from what is slower we learn."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +53,8 @@ class Demand:
     """(3,)."""
     pose_time_s: float
     """Of the pose it rests on."""
+    target: Target | None = None
+    """What it follows, where a plan moves and other position loops are to fly it."""
 
 
 class Tracker:
@@ -69,6 +78,7 @@ class Tracker:
         """Force of the rotors over what they would give in air at rest at the same speeds."""
         self._speeds_rad_s, self._learns, self._clipped = np.zeros(4), False, False
         self._ground_m = self._ticked_s = 0.0
+        self._ticks = 0
         self._per_error = np.array(
             [parameters[f"att_kp_{a}_1_s2"] / parameters[f"att_kd_{a}_1_s"] for a in ("xy", "xy", "z")]
         )
@@ -78,11 +88,15 @@ class Tracker:
         self._turning = np.zeros(3)
         self.motion: Motion | None = None
         """As last estimated."""
+        self.gives_targets = self._moves = False
+        """Whether position loops of the firmware's are to fly a plan."""
+        self.inner_lag = InnerLag(float(np.mean(self._lags.rate_s)), self._lags.delay_s)
 
     def listen(self, now_s: float) -> None:
         """Take in the poses that have come."""
         for pose in self._poses(now_s):
-            self.predictor.pose(pose)
+            if self.predictor.pose(pose):
+                self.inner_lag.pose(pose)
 
     @property
     def ready(self) -> bool:
@@ -101,11 +115,12 @@ class Tracker:
     def state(self) -> State:
         return self.controller.state
 
-    def tick(self, now_s: float, *, battery_v: float = 0.0) -> Demand | None:
+    def tick(self, now_s: float, *, battery_v: float = 0.0, by_targets: bool = False) -> Demand | None:
         """One step of the controller; None before the first pose.
 
         Args:
             battery_v: 0: not measured.
+            by_targets: position loops of the firmware's fly: of force and rates nothing is sent, and nothing learnt.
         """
         self.listen(now_s)
         if self.predictor.pose_time_s == -np.inf:
@@ -135,14 +150,44 @@ class Tracker:
             self._ground_m, self._learns = float(motion.position_world_m[2]), False
         else:
             telemetry = self.controller.telemetry
-            self._learn(step_s, motion, telemetry)
+            self._learn(step_s, motion, telemetry, by_targets=by_targets)
             demand = replace(
-                demand, force_n=self._force_n(step_s, motion, telemetry), rate_body_rad_s=self._rate(motion, telemetry)
+                demand,
+                force_n=self._force_n(step_s, motion, telemetry),
+                rate_body_rad_s=self._rate(motion, telemetry),
+                target=self._target(motion, telemetry["setpoint"]),
             )
         given_n = self._given_n(demand.force_n, battery_v)
         self._clipped = given_n != demand.force_n
-        self.predictor.command(now_s, given_n, demand.rate_body_rad_s)
+        self._sent(now_s, given_n, demand.rate_body_rad_s, by_targets=by_targets)
         return demand
+
+    def _sent(self, now_s: float, force_n: float, rate_body_rad_s: FloatArray, *, by_targets: bool) -> None:
+        """By it the motion is predicted; the inner loop's lag is learnt on a plan's way, short of what rotors give."""
+        if by_targets:
+            self.predictor.unknown(now_s)
+        else:
+            self.predictor.command(now_s, force_n, rate_body_rad_s)
+        short = self._clipped or bool(self.controller.telemetry["saturation"])
+        if by_targets or short or self.state is not State.TRAJECTORY:
+            self.inner_lag.forget()
+            return
+        self.inner_lag.command(now_s, rate_body_rad_s)
+        self._ticks += 1
+        if self._ticks % _LAG_EVERY == 0:
+            lags_s, _ = self.inner_lag.found()
+            self._lags = replace(self._lags, rate_s=np.append(lags_s, self.inner_lag.assumed_s))
+            self.predictor.follow(self._lags)
+
+    def _target(self, motion: Motion, setpoint: dict) -> Target | None:
+        """Only fast: below, hover thrust is learnt of what is commanded."""
+        place, velocity, acceleration = (np.asarray(setpoint[name], np.float64) for name in _MOVES)
+        slowest_m_s = min(float(np.linalg.norm(v)) for v in (velocity, motion.velocity_world_m_s))
+        on_path = self.gives_targets and self.state is State.TRAJECTORY
+        self._moves = on_path and slowest_m_s > (TARGETS_TO_M_S if self._moves else TARGETS_FROM_M_S)
+        if not self._moves:
+            return None
+        return Target(place, velocity, acceleration, float(setpoint["yaw_rad"]), float(setpoint["yaw_rate_rad_s"]))
 
     def _given_n(self, force_n: float, battery_v: float) -> float:
         """What full or no throttle leaves of a force."""
@@ -167,11 +212,11 @@ class Tracker:
         up = rotations.matrix(motion.q_world_body)[:, 2]
         return felt - _excess_m_s2(motion, up) * up if self._learns else felt
 
-    def _learn(self, step_s: float, motion: Motion, telemetry: dict) -> None:
+    def _learn(self, step_s: float, motion: Motion, telemetry: dict, *, by_targets: bool) -> None:
         """From take-off to landing, as the ground is no thrust, and while the rotors can give what is asked for."""
         rises = self.state is State.TAKE_OFF and motion.position_world_m[2] < self._ground_m + _RISEN_M
         short = self._clipped or bool(telemetry["saturation"])
-        self._learns = not (rises or short or self.state in (State.LANDING, State.EMERGENCY))
+        self._learns = not (by_targets or rises or short or self.state in (State.LANDING, State.EMERGENCY))
         if not self._learns:
             return
         up = rotations.matrix(motion.q_world_body)[:, 2]

@@ -120,6 +120,48 @@ class SetAttitudeTarget(Message):
 
 
 @dataclass(slots=True)
+class SetPositionTargetLocalNed(Message):
+    """Where to be, how fast, and how to turn, in the estimator's local frame."""
+
+    ID: ClassVar[int] = 84
+    CRC_EXTRA: ClassVar[int] = 143
+    STRUCT: ClassVar[struct.Struct] = struct.Struct("<IfffffffffffHBBB")
+    ARRAYS: ClassVar[tuple[int, ...]] = (0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+    time_boot_ms: int = 0
+    """Sender's time."""
+    x: float = 0.0
+    """m, NED."""
+    y: float = 0.0
+    """m."""
+    z: float = 0.0
+    """m."""
+    vx: float = 0.0
+    """m/s."""
+    vy: float = 0.0
+    """m/s."""
+    vz: float = 0.0
+    """m/s."""
+    afx: float = 0.0
+    """m/s2."""
+    afy: float = 0.0
+    """m/s2."""
+    afz: float = 0.0
+    """m/s2."""
+    yaw: float = 0.0
+    """rad, from north towards east."""
+    yaw_rate: float = 0.0
+    """rad/s."""
+    type_mask: int = 0
+    """0: everything is looked at, the acceleration as one."""
+    target_system: int = 0
+    """System asked."""
+    target_component: int = 0
+    """Component asked."""
+    coordinate_frame: int = 0
+    """1: local NED."""
+
+
+@dataclass(slots=True)
 class VisionPositionEstimate(Message):
     """A pose as a tracking system sees it, for the autopilot's estimator."""
 
@@ -168,6 +210,7 @@ BY_ID: dict[int, type[Message]] = {
     48: SetGpsGlobalOrigin,
     49: GpsGlobalOrigin,
     82: SetAttitudeTarget,
+    84: SetPositionTargetLocalNed,
     102: VisionPositionEstimate,
     436: CurrentMode,
 }

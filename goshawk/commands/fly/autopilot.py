@@ -8,17 +8,18 @@ import numpy as np
 
 from firmware_bridge import controller
 from firmware_bridge.arming import ArmingCheck, required
-from firmware_bridge.autopilot import checks, line, settings, thrust
+from firmware_bridge.autopilot import checks, line, loop_limits, settings, thrust
 from firmware_bridge.autopilot.flavour import PX4
 from firmware_bridge.autopilot.setup import AutopilotSetup
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.procedure import Flight, Hints
-from firmware_bridge.offboard.tracker import Tracker
+from firmware_bridge.offboard.tracker import TARGETS_FROM_M_S, Tracker
 from flight import FlightLog, Progress, TrajectoryFile
 from goshawk.commands.fly import many_rotors, offboard
-from vehicle import Vehicle
+from vehicle import Vehicle, flatness
 
 GUARD = "firmware_bridge.autopilot.guard"
+_SAMPLE_S = 0.01
 IDLE = 0.0
 """Output at no thrust: neither autopilot tells where its rotors begin to turn."""
 
@@ -51,6 +52,8 @@ def fly(
         model, item.trajectory, rates, (anchored.force_n(0.0), anchored.force_n(1.0)),
         remedy=lambda axis, deg_s: f"set {found.flavour.rates[axis]} to {deg_s:.0f}",
     )  # fmt: skip
+    if line.parsed(where.address).position:
+        _require_loops_follow(model, found, item, progress)
     progress(checks.when_we_die(found), 0.0)
     setup = AutopilotSetup(
         where.address, found.system, checks.own_system(found), found.flavour.custom_mode,
@@ -63,9 +66,20 @@ def fly(
             guarding, lambda poses: tracker(configuration, poses), item.trajectory, progress=progress, cancel=cancel,
             motor_of_rotor=_in_order(model), hints=_hints(found, arms=arms),
         )  # fmt: skip
+        flight.tracker.gives_targets = line.parsed(where.address).position
         log = flight.fly()
     told = {"firmware": found.firmware, "failsafe": checks.when_we_die(found)}
     return replace(log, metadata={**log.metadata, **told}), flight.ended_early
+
+
+def _require_loops_follow(model: Vehicle, found: settings.Settings, item: TrajectoryFile, progress: Progress) -> None:
+    times = item.trajectory.sample(_SAMPLE_S)
+    flat = flatness.state(model, item.trajectory, times)
+    acceleration = item.trajectory.position(times, 2)
+    loop_limits.require_within(found, loop_limits.Asked(times, flat.velocity_world_m_s, acceleration, flat.tilt_rad))
+    fastest_m_s = float(np.linalg.norm(flat.velocity_world_m_s, axis=1).max())
+    if not fastest_m_s > TARGETS_FROM_M_S:
+        progress(f"flown by rates and thrust alone: position targets are for above {TARGETS_FROM_M_S} m/s", 0.0)
 
 
 def read(where: offboard.Where) -> settings.Settings:

@@ -15,7 +15,7 @@ import numpy as np
 import vehicle
 from firmware_bridge import controller
 from firmware_bridge.arming import ArmingCheck, required
-from firmware_bridge.betaflight_sitl.body import ADDRESS, SETTINGS, Body
+from firmware_bridge.betaflight_sitl.body import ADDRESS, SETTINGS, Body, GivenUpError
 from firmware_bridge.offboard import byte_line, checks, settings
 from firmware_bridge.offboard.guard_process import GuardProcess
 from firmware_bridge.offboard.messages import Setup
@@ -222,9 +222,10 @@ def read(where: Where) -> settings.Settings:
 
 def arming_checks(model: Vehicle, found: settings.Settings) -> tuple[ArmingCheck, ...]:
     """Every condition of its settings, for this vehicle file."""
-    sinks_us = failsafe_us(model, *_as_set(model, found))
-    own = checks.checks(found, failsafe_us=sinks_us)
-    return checks.simulator(found), checks.as_many_rotors(found, model.rotors), *own
+    profile, thrust = _as_set(model, found)
+    hover = checks.hover(thrust.throttle(model.mass_kg * model.gravity_m_s2))
+    own = checks.checks(found, failsafe_us=failsafe_us(model, profile, thrust))
+    return checks.simulator(found), checks.as_many_rotors(found, model.rotors), hover, *own
 
 
 def _as_set(model: Vehicle, found: settings.Settings) -> tuple[RateProfile, ThrustMap]:
@@ -304,7 +305,8 @@ def rehearsing(body: Body, folder: Path | None = None) -> Iterator[tuple[Where, 
     except LinkError as error:
         body.given_up = True
         thread.join(_LAST_WORD_S)
-        raise (failed[0] if failed else error) from None
+        told = [why for why in failed if not isinstance(why, GivenUpError)]
+        raise (told[0] if told else error) from None
     finally:
         body.given_up = True
         thread.join(PATIENCE_S if not failed else 0.0)

@@ -106,9 +106,9 @@ class PageTracker(Tracker):
     def unready(self) -> str:
         return super().unready or self._too_far()
 
-    def tick(self, now_s: float, *, battery_v: float = 0.0) -> Demand | None:
+    def tick(self, now_s: float, *, battery_v: float = 0.0, by_targets: bool = False) -> Demand | None:
         self._obey()
-        demand = super().tick(now_s, battery_v=battery_v)
+        demand = super().tick(now_s, battery_v=battery_v, by_targets=by_targets)
         now = self._heard.status
         of = (now.stage, now.armed) if now is not None else self._told_of
         if demand is not None and (now_s - self._told_s >= _TELL_S or of != self._told_of):

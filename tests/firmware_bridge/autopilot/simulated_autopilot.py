@@ -21,6 +21,7 @@ import vehicle
 from firmware_bridge.offboard import clock
 from firmware_bridge.offboard.poses import Pose, tum_line
 from flight import rotations
+from tests.firmware_bridge.autopilot.simulated_loops import SimulatedPositionLoops
 
 STEP_S = 2e-3
 IDLE = 0.03
@@ -30,10 +31,12 @@ GUIDED, LAND, STABILIZE, LOITER = 4, 9, 0, 5
 FLIP = np.array([1.0, -1.0, -1.0])
 PARAMETERS = {
     "px4": {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 4, "MPC_THR_HOVER": 0.5, "THR_MDL_FAC": 0.0,
-            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0},
+            "MC_ROLLRATE_MAX": 600.0, "MC_PITCHRATE_MAX": 600.0, "MC_YAWRATE_MAX": 300.0, "MPC_XY_VEL_MAX": 12.0,
+            "MPC_Z_VEL_MAX_UP": 3.0, "MPC_Z_VEL_MAX_DN": 1.5, "MPC_TILTMAX_AIR": 45.0},
     "ardupilot": {"GUID_TIMEOUT": 0.5, "GUID_OPTIONS": 8, "FS_GCS_ENABLE": 5, "FS_GCS_TIMEOUT": 5.0, "SYSID_MYGCS": 255,
                   "MOT_THST_HOVER": 0.3, "ATC_ANGLE_BOOST": 0, "ATC_RATE_R_MAX": 0.0, "ATC_RATE_P_MAX": 0.0,
-                  "ATC_RATE_Y_MAX": 0.0},
+                  "ATC_RATE_Y_MAX": 0.0, "WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0,
+                  "WPNAV_ACCEL": 500.0, "WPNAV_ACCEL_Z": 100.0, "ANGLE_MAX": 3000, "PSC_ANGLE_MAX": 0.0},
 }  # fmt: skip
 
 
@@ -66,6 +69,13 @@ class SimulatedAutopilot:
     visions: list[tuple[float, float, float]] = field(default_factory=list)
     """x, y, z of VISION_POSITION_ESTIMATE."""
     setpoints: int = 0
+    frame_off_m: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    frame_turned_rad: float = 0.0
+    """Of its local frame from that of the poses, z up: turned about z, then moved."""
+    compass_off_rad: float = 0.0
+    """Of its heading alone, in that frame."""
+    targets: int = 0
+    """SET_POSITION_TARGET_LOCAL_NED that came."""
 
     def __post_init__(self) -> None:
         self.parameters = PARAMETERS[self.kind] | self.parameters
@@ -83,6 +93,8 @@ class SimulatedAutopilot:
         self._due: dict[int, float] = {}
         self._rates_flu, self._thrust, self._setpoint_s, self._gcs_s = np.zeros(3), 0.0, -np.inf, -np.inf
         self._integral, self._ground_s, self._still_s = np.zeros(3), 0.0, 0.0
+        self._target: mavlink.MAVLink_set_position_target_local_ned_message | None = None
+        self._loops = SimulatedPositionLoops(self.plant.vehicle)
         self._rng = np.random.default_rng(self.seed)
         self._mix()
 
@@ -155,6 +167,14 @@ class SimulatedAutopilot:
         self.setpoints += 1
         frd = np.array([message.body_roll_rate, message.body_pitch_rate, message.body_yaw_rate])
         self._rates_flu, self._thrust, self._setpoint_s = FLIP * frd, float(message.thrust), self.time_s
+        self._target = None
+
+    def _on_set_position_target_local_ned(self, message: mavlink.MAVLink_set_position_target_local_ned_message) -> None:
+        assert (message.target_system, message.coordinate_frame, message.type_mask) == (
+            1, mavlink.MAV_FRAME_LOCAL_NED, 0
+        )  # fmt: skip
+        self.targets += 1
+        self._target, self._setpoint_s, self._thrust = message, self.time_s, 0.5
 
     def _on_command_long(self, message: mavlink.MAVLink_command_long_message) -> None:
         done = mavlink.MAV_RESULT_ACCEPTED
@@ -179,6 +199,17 @@ class SimulatedAutopilot:
             self._send(self._mav.gps_global_origin_encode(*self.origin))
 
     # what it decides
+
+    @property
+    def estimate(self) -> vehicle.simulate.State:
+        """Where it believes to be, in its local frame, z up; without noise."""
+        turn, plant = rotations.from_yaw(self.frame_turned_rad), self.plant
+        heading = rotations.from_yaw(self.frame_turned_rad + self.compass_off_rad)
+        return vehicle.simulate.State(
+            position_world_m=rotations.rotate(turn, plant.position_world_m) + self.frame_off_m,
+            velocity_world_m_s=rotations.rotate(turn, plant.velocity_world_m_s),
+            q_world_body=rotations.multiply(heading, plant.q_world_body),
+        )
 
     @property
     def follows(self) -> bool:
@@ -220,6 +251,9 @@ class SimulatedAutopilot:
         """Body rates and force."""
         timed_out = self.time_s - self._setpoint_s > self.parameters.get("GUID_TIMEOUT", np.inf)
         if self.follows and not timed_out:
+            if self._target is not None:
+                return self._loops.rates_and_force(self.estimate, self._target)
+            self._loops.reset()
             return self._rates_flu, self._force_n(self._thrust)
         climb_m_s = -0.7 if self.mode in (PX4_LAND, LAND) else 0.0
         up = rotations.matrix(self.plant.q_world_body)[2]
@@ -320,12 +354,13 @@ class SimulatedAutopilot:
             kind = {4: ids.MAV_TYPE_QUADROTOR, 6: ids.MAV_TYPE_HEXAROTOR}[plant.vehicle.rotors]
             return m.heartbeat_encode(kind, autopilot, 1 | (128 if self.armed else 0), self.mode, 4)
         if message_id == ids.MAVLINK_MSG_ID_ATTITUDE_QUATERNION:
-            w, x, y, z = plant.q_world_body
+            w, x, y, z = self.estimate.q_world_body
             return m.attitude_quaternion_encode(ms, w, x, -y, -z, *(FLIP * plant.rate_body_rad_s))
         if message_id == ids.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
             noise_m = 0.02 * float(self._rng.standard_normal())
-            place = FLIP * plant.position_world_m + np.array([0.0, 0.0, noise_m])
-            return m.local_position_ned_encode(ms, *place, *(FLIP * plant.velocity_world_m_s))
+            own = self.estimate
+            place = FLIP * own.position_world_m + np.array([0.0, 0.0, noise_m])
+            return m.local_position_ned_encode(ms, *place, *(FLIP * own.velocity_world_m_s))
         if message_id == ids.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW:
             us = np.rint(1000.0 + 1000.0 * plant.rotor_speed_rad_s / self.full_rad_s).astype(int)
             return m.servo_output_raw_encode(ms, 0, *us.tolist(), *[0] * (8 - len(us)))

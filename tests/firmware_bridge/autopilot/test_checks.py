@@ -154,10 +154,11 @@ def test_an_address_may_name_the_origin_and_ask_for_poses_to_be_passed_on():
     ["mavlink:tcp://127.0.0.1:5760", "mavlink:udp://127.0.0.1", "mavlink:udp://127.0.0.1:1?origin=91,0,0",
      "mavlink:udp://127.0.0.1:1?origin=1,2", "mavlink:udp://127.0.0.1:1?vision=yes", "mavlink:udp://127.0.0.1:1?x=1",
      *(f"mavlink:udp://127.0.0.1:1?origin=47,8,{altitude}" for altitude in ("nan", "inf", "1e9")),
-     "mavlink:udp://127.0.0.1:1?origin=nan,8,1", "mavlink:udp://[::1]:14540"],
+     "mavlink:udp://127.0.0.1:1?origin=nan,8,1", "mavlink:udp://[::1]:14540",
+     "mavlink:udp://127.0.0.1:1?targets=velocity"],
 )  # fmt: skip
 def test_another_address_is_refused_with_the_form(text):
-    with pytest.raises(InputError, match="give mavlink:udp://127"):
+    with pytest.raises(InputError, match=r"give mavlink:udp://127.* \?origin=LAT,LON,ALT&vision=on&targets=position"):
         parsed(text)
 
 

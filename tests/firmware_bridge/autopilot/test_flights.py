@@ -1,6 +1,7 @@
 """Flights on a simulated autopilot: the plan, and what is lost, refused, or taken over. Not PX4, not ArduPilot."""
 
 import os
+import re
 import signal
 
 import numpy as np
@@ -10,7 +11,8 @@ from pymavlink.dialects.v20 import common as mavlink
 from firmware_bridge.airborne import tracking
 from firmware_bridge.autopilot import settings
 from firmware_bridge.autopilot.line import MavlinkLine, parsed
-from flight import LinkError
+from firmware_bridge.controller import State
+from flight import LinkError, rotations
 from goshawk.commands.fly import autopilot
 from tests.firmware_bridge.autopilot import flights
 from tests.firmware_bridge.autopilot.simulated_autopilot import (
@@ -58,7 +60,10 @@ def _require_flown_and_landed(flown: flights.Flown, simulation: SimulatedAutopil
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 def test_a_circle_is_flown_and_landed(kind):
     simulation = flights.simulated(curves.circle(), kind)
-    _require_flown_and_landed(flights.fly(curves.circle(), simulation), simulation)
+    flown = flights.fly(curves.circle(), simulation)
+    _require_flown_and_landed(flown, simulation)
+    found_ms = re.findall(r"(\d+) ms", flown.log.metadata["inner_loop_lag"])
+    assert [float(ms) for ms in found_ms[:2]] == pytest.approx([40.0, 40.0], abs=8.0)  # its rate loop's gain is 25 1/s
 
 
 @pytest.mark.slow
@@ -67,11 +72,135 @@ def test_a_simulated_hexarotor_is_flown():
     _require_flown_and_landed(flights.fly(HOVER, simulation), simulation)
 
 
+def by_targets(simulation: SimulatedAutopilot, way=None, **more) -> tuple[flights.Flown, list[str]]:
+    """A circle unless told otherwise; with what was said meanwhile."""
+    said: list[str] = []
+    way = curves.circle() if way is None else way
+    kept = lambda text, _: said.append(text)  # noqa: E731
+    return flights.fly(way, simulation, query="?targets=position", progress=kept, **more), said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["px4", "ardupilot"])
+def test_a_circle_is_flown_by_position_targets_where_it_moves(kind):
+    """With the documented default gains of PX4's position loop, simulated: softer than by rates and thrust."""
+    simulation = flights.simulated(curves.circle(), kind)
+    flown, said = by_targets(simulation)
+    assert not flown.error
+    assert not flown.early
+    assert flown.log is not None
+    assert simulation.targets > 500
+    assert tracking(flown.log)["tracking_mean_m"] < 0.06
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    theirs = np.isnan(flown.log.columns["collective_force_n"])
+    assert np.isnan(flown.log.columns["setpoint_rate_body_x_rad_s"][theirs]).all()
+    assert abs(theirs.sum() - simulation.targets / 2) < 10  # every second tick is logged
+    assert flown.log.metadata["targets"] == f"{theirs.sum() / _flying(flown).sum():.0%} of the path by position targets"
+    assert said[1:] == ["its own position loops fly; our prediction and thrust learning rest",
+                        "flown by rates and thrust"]  # fmt: skip
+    assert _tilts_faster_at_handover_than(1.5, flown.log) == []
+    assert float(flown.log.metadata["thrust_share"]) == pytest.approx(1.0, abs=0.02)
+
+
+def _tilts_faster_at_handover_than(most_rad_s: float, log) -> list[float]:
+    up = rotations.rotate(log.vector("q_world_body"), np.array([0.0, 0.0, 1.0]))
+    rate = np.linalg.norm(np.diff(up, axis=0), axis=1) / np.diff(log.time_s)
+    switches = np.flatnonzero(np.diff(np.isnan(log.columns["collective_force_n"]).astype(int)))
+    assert len(switches) == 2
+    worst = [float(rate[i : i + 100].max()) for i in switches]
+    return [rate for rate in worst if rate > most_rad_s]
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"frame_turned_rad": np.deg2rad(30.0)}, "the autopilot's heading is 30 deg off its poses', at most 5"),
+        pytest.param(
+            {"compass_off_rad": np.deg2rad(-30.0)}, "the autopilot's heading is 30 deg off its poses', at most 5",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            {"frame_off_m": np.array([0.5, 0.0, 0.0])}, "m from its poses, at most 0.1; give its estimator these poses",
+            marks=pytest.mark.slow,
+        ),
+    ],
+)  # fmt: skip
+def test_an_estimate_in_another_frame_is_not_armed_to_be_told_where_to_be(more, said, monkeypatch):
+    monkeypatch.setattr("firmware_bridge.offboard.procedure.READY_S", 15.0)
+    simulation = flights.simulated(HOVER, **more)
+    flown, _ = by_targets(simulation, HOVER)
+    assert said in flown.error
+    assert simulation.targets == 0
+    assert simulation.way[-1][1][2] < 0.1
+
+
+@pytest.mark.slow
+def test_a_frame_that_shows_only_by_its_way_to_be_turned_is_flown_by_rates_and_thrust():
+    """A compass that is as wrong as the frame is turned, about the start."""
+    turned = np.deg2rad(30.0)
+    simulation = flights.simulated(curves.circle(), frame_turned_rad=turned, compass_off_rad=-turned)
+    start = simulation.plant.position_world_m
+    simulation.frame_off_m = start - rotations.rotate(rotations.from_yaw(turned), start)
+    flown, said = by_targets(simulation)
+    _require_flown_and_landed(flown, simulation)
+    assert simulation.targets == 0
+    assert "flown by rates and thrust: the autopilot" in said[1]
+    assert "0% of the path by position targets: the autopilot" in flown.log.metadata["targets"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", ["jump", "turn", "drift"])
+def test_a_frame_that_parts_in_flight_ends_its_targets_for_good(fault):
+    simulation = flights.simulated(curves.circle())
+    began: list[float] = []
+
+    def part(of: SimulatedAutopilot) -> None:
+        if of.targets > 100:
+            began.append(of.time_s)
+            since_s = of.time_s - began[0]
+            of.frame_off_m = np.array([{"jump": 2.0, "turn": 0.0, "drift": 0.3 * since_s}[fault], 0.0, 0.0])
+            of.frame_turned_rad = 0.5 if fault == "turn" else 0.0
+
+    simulation.each_step = part
+    flown, said = by_targets(simulation)
+    assert not flown.error
+    assert not flown.early
+    assert 100 < simulation.targets < 100 + (40 if fault != "drift" else 500)
+    assert "flown by rates and thrust: the autopilot" in said[2]
+    assert len(said) == 3
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    errors = flown.log.vector("position_world_m") - flown.log.vector("setpoint_position_world_m")
+    assert np.linalg.norm(errors[_flying(flown)], axis=1).max() < 0.45
+
+
+def _flying(flown: flights.Flown) -> np.ndarray:
+    return flown.log.columns["mission_state"] == State.TRAJECTORY
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("lost", ["poses", "planner"])
+def test_what_is_lost_while_its_own_loops_fly_ends_in_a_soft_landing_by_rates_and_thrust(lost):
+    simulation = flights.simulated(curves.circle())
+    simulation.change_pose = lambda _, pose: None if lost == "poses" and simulation.targets > 100 else pose
+
+    def cancel() -> bool:
+        if lost == "planner" and simulation.targets > 100:
+            raise LinkError("the planner died")
+        return False
+
+    flown, _ = by_targets(simulation, cancel=cancel)
+    assert ("no pose for 0.2 s" if lost == "poses" else "the planner died") in flown.early
+    assert simulation.targets < 100 + 80
+    assert simulation.fastest_down_m_s < SOFTLY_M_S
+    assert not simulation.disarmed_high
+    assert not simulation.armed
+
+
 def test_the_failsafe_is_said_before_it_is_armed_and_kept_in_the_log():
     simulation, said = flights.simulated(HOVER), []
     flown = flights.fly(HOVER, simulation, progress=lambda stage, _: said.append((stage, simulation.armed)))
     assert not flown.early
-    assert said[0] == ("without us PX4 holds the last rates for 0.5 s, then: lands where it is", False)
+    assert said[0] == ("without us PX4 holds what we sent last for 0.5 s, then: lands where it is", False)
     assert flown.log is not None
     assert flown.log.metadata["failsafe"] == said[0][0]
     assert flown.log.metadata["firmware"] == "PX4 1.15.2"

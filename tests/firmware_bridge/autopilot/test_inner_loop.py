@@ -14,6 +14,7 @@ from firmware_bridge.autopilot.line import MavlinkLine, parsed
 from firmware_bridge.autopilot.setup import AutopilotSetup
 from firmware_bridge.autopilot.thrust import AutopilotThrust
 from firmware_bridge.offboard.ladder import Ladder, Seen, Stage, Wish
+from firmware_bridge.offboard.messages import Target
 from firmware_bridge.offboard.thrust_map import ThrustMap
 
 OFFBOARD, POSITION = 6 << 16, 3 << 16
@@ -185,3 +186,17 @@ def test_the_machines_own_time_goes_into_a_set_point(vehicle):
     it, now_s = vehicle(), time.time()
     (target,) = [m for m in it.tick(now_s, Stage.FOLLOWING) if m.get_type() == "SET_ATTITUDE_TARGET"]
     assert target.time_boot_ms == round(1e3 * now_s) % 2**32
+
+
+def test_a_target_goes_out_in_north_east_down(vehicle):
+    """x north, y west, z up; yaw from x towards y. One sign wrong turns the vehicle the other way at handover."""
+    it, three = vehicle(), np.arange(1.0, 4.0)
+    it.tick(1.0, Stage.WAITING)
+    it.line.send(it.ours._at(2.0, Target(three, 10.0 * three, 100.0 * three, 0.5, -0.2)))
+    data, _ = it.socket.recvfrom(65536)
+    (sent,) = it.mav.parse_buffer(data)
+    assert (sent.x, sent.y, sent.z) == (1.0, -2.0, -3.0)
+    assert (sent.vx, sent.vy, sent.vz) == (10.0, -20.0, -30.0)
+    assert (sent.afx, sent.afy, sent.afz) == (100.0, -200.0, -300.0)
+    assert (sent.yaw, sent.yaw_rate) == pytest.approx((-0.5, 0.2))
+    assert (sent.coordinate_frame, sent.type_mask) == (mavlink.MAV_FRAME_LOCAL_NED, 0)

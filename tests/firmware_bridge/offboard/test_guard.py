@@ -2,17 +2,19 @@
 
 import socket
 import struct
+import time
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from firmware_bridge.offboard import guard
 from firmware_bridge.offboard.firmware import Alert, Firmware, Function
 from firmware_bridge.offboard.guard import Guard
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Setup, Target
 from firmware_bridge.offboard.msp import ANSWER, Decoder, Frame, encode
-from firmware_bridge.offboard.poses import Pose
+from firmware_bridge.offboard.poses import Pose, tum_line
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.sticks import Sticks
 from firmware_bridge.offboard.thrust_map import ThrustMap
@@ -75,6 +77,7 @@ class Scene:
         self.status: GuardStatus | None = None
         self.rng = np.random.default_rng(0)
         self.goes_on = True
+        self.target: Target | None = None
 
     def _taken(self, now_s: float) -> list[Pose]:
         poses, self.poses = self.poses, []
@@ -87,7 +90,9 @@ class Scene:
                 place = np.array([0.0, 0.0, self.height_m]) + 1e-4 * self.shakes * self.rng.standard_normal(3)
                 self.poses.append(Pose(self.now_s, place, np.array([1.0, 0.0, 0.0, 0.0])))
             if self.answers:
-                command = PlannerCommand(self.now_s, self.now_s - 0.01, self.force_n, np.zeros(3), self.wish)
+                command = PlannerCommand(
+                    self.now_s, self.now_s - 0.01, self.force_n, np.zeros(3), self.wish, self.target
+                )
                 self.planner.send(command.pack())
             self.goes_on = self.goes_on and self.guard.tick(self.now_s)
             self._listen()
@@ -253,3 +258,52 @@ def test_a_landed_vehicle_with_a_receiver_keeps_low_throttle_until_its_pilot_dis
     scene.line.modes &= ~ARM
     scene.run(0.5)
     assert not scene.goes_on
+
+
+class TargetsTold(Sticks):
+    """An inner loop whose own position loops fly where it is told a target."""
+
+    def command(self, now_s, stage, force_n, rate_body_rad_s, target=None) -> None:
+        self.by_targets = target is not None
+        super().command(now_s, stage, force_n, rate_body_rad_s)
+
+
+def test_nothing_is_learnt_of_a_force_that_was_not_sent():
+    """It hovers by its own loops while 20 % more is asked for: its descent would begin with that."""
+    scene = hovering()
+    hover_n = scene.guard._airborne.hover_n
+    scene.guard._firmware = TargetsTold(SETUP, scene.guard._firmware._firmware)
+    scene.target, scene.force_n = Target(np.array([0.0, 0.0, 1.0]), np.zeros(3), np.zeros(3), 0.0, 0.0), 1.2 * WEIGHT_N
+    scene.run(1.0)
+    assert scene.status is not None
+    assert scene.status.by_targets
+    assert scene.guard._airborne.hover_n == pytest.approx(hover_n)
+    motion = scene.guard._predictor.at(scene.now_s)
+    assert motion.force_n == pytest.approx(WEIGHT_N, rel=0.05)
+    assert abs(motion.velocity_world_m_s[2]) < 0.05
+    scene.answers = False
+    scene.run(0.2)
+    assert scene.stage is Stage.DESCENDING
+    assert not scene.status.by_targets
+
+
+def test_poses_that_queued_while_the_line_opened_do_not_make_another_clock():
+    """Of our own clock, but old when they are read: taken for another's, late would be timely for the flight."""
+    with socket.socket(type=socket.SOCK_DGRAM) as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    setup = replace(SETUP, pose_host="127.0.0.1", pose_port=port)
+    planner, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+
+    def opened():
+        old = Pose(time.time() - 0.2, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+        with socket.socket(type=socket.SOCK_DGRAM) as out:
+            out.sendto(tum_line(old), ("127.0.0.1", port))
+        line = Answering()
+        return Sticks(setup, Firmware(line)), line.close
+
+    planner.shutdown(socket.SHUT_WR)  # a planner that is gone ends it on the ground
+    guard.run(setup, opened, theirs)
+    status = GuardStatus.unpack(planner.recv(8192))
+    assert not status.other_clock
+    assert not status.poses

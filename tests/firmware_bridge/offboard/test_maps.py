@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_bridge.offboard.ladder import Wish
-from firmware_bridge.offboard.messages import PlannerCommand
+from firmware_bridge.offboard.ladder import Reason, Stage, Wish
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Target
 from firmware_bridge.offboard.poses import Pose, UdpPoses, from_tum, tum_line
-from firmware_bridge.offboard.prediction import Lags, Predictor
+from firmware_bridge.offboard.prediction import Lags, Motion, Predictor
 from firmware_bridge.offboard.rate_profile import RateProfile
 from firmware_bridge.offboard.thrust_map import ThrustMap, scaled_to_flight, through
 from flight import InputError, rotations
@@ -122,6 +122,29 @@ def test_a_planners_pose_of_no_time_is_no_command():
         assert PlannerCommand.unpack(replace(said, pose_s=pose_s).pack()) is None
 
 
+def test_a_target_goes_along_whole_and_finite_or_not_at_all():
+    target = Target(np.arange(3.0), np.arange(3.0, 6.0), np.arange(6.0, 9.0), 0.5, -0.25)
+    said = PlannerCommand(1.0, 0.9, 2.0, np.zeros(3), Wish.FLY, target)
+    came = PlannerCommand.unpack(said.pack())
+    assert came is not None
+    assert came.target is not None
+    assert came.target.pack() == target.pack()
+    broken = PlannerCommand.unpack(replace(said, target=replace(target, yaw_rad=math.nan)).pack())
+    assert broken is not None
+    assert broken.target is None
+    assert PlannerCommand.unpack(said.pack()[:-8]) is None
+
+
+def test_what_the_guard_tells_comes_whole():
+    said = GuardStatus(
+        Stage.FOLLOWING, Reason.NONE, True, True, 2.0, 1.9, 16.0, said="it is \u00b5", by_targets=True, apart="too far"
+    )
+    assert GuardStatus.unpack(said.pack()).said == said.said
+    assert GuardStatus.unpack(said.pack()).apart == said.apart
+    assert GuardStatus.unpack(said.pack()).by_targets
+    assert not GuardStatus.unpack(replace(said, by_targets=False, apart="").pack()).apart
+
+
 def test_the_prediction_reaches_over_a_late_pose():
     """A body that follows its commands as the predictor thinks is known at once, however late its poses are."""
     lags, mass_kg, g = Lags(0.0, 0.03, 0.04), 0.7, 9.81
@@ -146,6 +169,35 @@ def test_the_prediction_reaches_over_a_late_pose():
     now = predictor.at(now_s)
     assert np.abs(now.position_world_m - true.position_world_m).max() < 2e-3
     assert np.abs(now.rate_body_rad_s - true.rate_body_rad_s).max() < 0.02
+
+
+ONE = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def test_while_nobody_knows_the_commands_poses_tell_the_motion_and_the_next_command_goes_on_from_it():
+    """Another flies it for a second, climbing and turning; what was asked for meanwhile is not what moves it."""
+    mass_kg, g, lags = 0.7, 9.81, Lags(0.0, 0.03, 0.04)
+    predictor, truth = Predictor(mass_kg, g, lags), Predictor(mass_kg, g, lags)
+    predictor.on_ground = truth.on_ground = False
+    errors, forces = [], []
+    for k in range(300):
+        now_s, unknown = 0.01 * k, 100 <= k < 200
+        force_n = mass_kg * g * (1.2 if unknown else 1.0)
+        rate = np.array([0.3, 0.0, 0.5]) if unknown else np.zeros(3)
+        truth.command(now_s, force_n, rate)
+        if unknown:
+            predictor.unknown(now_s)
+        else:
+            predictor.command(now_s, force_n, rate)
+        truth._last = truth.at(now_s) if k else Motion(0.0, *np.zeros((2, 3)), ONE, np.zeros(3), force_n)
+        predictor.pose(Pose(now_s, truth._last.position_world_m, truth._last.q_world_body))
+        now = predictor.at(now_s)
+        errors.append(now.velocity_world_m_s - truth._last.velocity_world_m_s)
+        forces.append(now.force_n / (mass_kg * g))
+    assert np.abs(errors[150:]).max() < 0.05
+    assert np.abs(np.array(forces[150:199]) - 1.2).max() < 0.05
+    assert np.abs(np.diff(forces[190:])).max() < 0.06
+    assert now.unexplained_world_m_s2 == pytest.approx(np.zeros(3), abs=0.05)
 
 
 def test_a_pose_that_jumps_is_not_used():

@@ -4,6 +4,7 @@ import json
 import shlex
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -179,7 +180,7 @@ def test_a_plan_that_the_profile_cannot_follow_is_refused_with_the_figure():
     ("setting", "model", "said"),
     [
         ("set pitch_rc_rate = 2", MODEL, r"deg/s about pitch at .* set pitch_srate"),
-        ("set pitch_rc_rate = 100", MODEL.with_limits(rotor_speed_max_rad_s=1015.0), "the rotors give"),
+        ("set pitch_rc_rate = 100", MODEL.with_limits(rotor_speed_max_rad_s=1015.0), "hover throttle: 0.9. of full"),
     ],
 )
 def test_what_the_firmware_itself_is_set_up_for_decides_and_no_rotor_turns(setting, model, said):
@@ -188,9 +189,49 @@ def test_what_the_firmware_itself_is_set_up_for_decides_and_no_rotor_turns(setti
     body = offboard.body_of(MODEL, way, seed=1, believed=model)
     body.settings = (*body.settings, setting, setting.replace("rc_rate", "srate"))
     file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
-    with pytest.raises(InputError, match=said), offboard.rehearsing(body) as (where, restarted):
+    with pytest.raises((InputError, LinkError), match=said), offboard.rehearsing(body) as (where, restarted):
         offboard.fly(model, file, where, progress=silent, cancel=lambda: False, restarted=restarted)
     assert not body.way
+    assert not body.plant.rotor_speed_rad_s.any()
+
+
+STUMBLED_ON = {
+    "thr_expo: 50, expected 0; set thr_expo = 0": "set thr_expo = 50",  # thrust scaling
+    "throttle_limit_type: SCALE, expected OFF; set throttle_limit_type = OFF": "set throttle_limit_type = SCALE",
+    "rates_type: BETAFLIGHT, expected ACTUAL; set rates_type = ACTUAL": "set rates_type = BETAFLIGHT",
+    "small_angle: arms below 5 deg, at least 15; set small_angle = 25": "set small_angle = 5",
+}
+"""What is said, by the setting that it is said of."""
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_what_people_stumble_on_is_read_back_and_said_before_any_rotor_turns():
+    """Thrust scaling, rate profile, arming angle: set wrong in the real firmware; hover throttle: in the file."""
+    way, slow = curves.circle(), MODEL.with_limits(rotor_speed_max_rad_s=1015.0)
+    body = offboard.body_of(MODEL, way, seed=1, believed=slow)
+    body.settings = (*body.settings, *STUMBLED_ON.values())
+    file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
+    with pytest.raises(LinkError) as refused, offboard.rehearsing(body) as (where, restarted):
+        offboard.fly(slow, file, where, progress=silent, cancel=lambda: False, restarted=restarted)
+    for words in (*STUMBLED_ON, "of full by the vehicle file, expected 0.15 to 0.8; mend its mass"):
+        assert words in str(refused.value)
+    assert not body.way
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("_betaflight")
+def test_a_clock_that_is_not_ours_is_said_before_it_is_armed():
+    way, said = curves.circle(), list[str]()
+    body = offboard.body_of(MODEL, way, seed=1)
+    body.change_pose = lambda _, pose: replace(pose, time_s=pose.time_s - 1000.0)
+    file = TrajectoryFile(way, "way", "", "", way.position([0.0, way.duration_s]), {})
+    with pytest.raises(LinkError, match="cancelled"), offboard.rehearsing(body) as (where, restarted):
+        offboard.fly(
+            MODEL, file, where, progress=lambda text, _: said.append(text), cancel=lambda: bool(said),
+            restarted=restarted,
+        )  # fmt: skip
+    assert said == ["the poses are stamped by another clock: taken to be as old as ?delay= says, 0 s without"]
     assert not body.plant.rotor_speed_rad_s.any()
 
 

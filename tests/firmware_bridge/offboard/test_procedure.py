@@ -11,10 +11,10 @@ from firmware_bridge.controller import State
 from firmware_bridge.offboard import procedure
 from firmware_bridge.offboard.firmware import Alert
 from firmware_bridge.offboard.ladder import Reason, Stage, Wish
-from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand
+from firmware_bridge.offboard.messages import GuardStatus, PlannerCommand, Target
 from firmware_bridge.offboard.poses import Pose
 from firmware_bridge.offboard.procedure import Flight
-from firmware_bridge.offboard.tracker import Tracker
+from firmware_bridge.offboard.tracker import TARGETS_FROM_M_S, Demand, Tracker
 from flight import LinkError
 from tests.firmware_bridge.offboard import curves
 
@@ -179,3 +179,20 @@ def test_whatever_ends_it_in_the_air_its_log_is_returned(monkeypatch):
     log = ours.fly()
     assert log.metadata["ended_early"] == "ZeroDivisionError: of ours"
     assert log.metadata["thrust_share"] == "1.000"
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "sent", "said"),
+    [(1.0, 0.0, "0% of the path by position targets: never above 1.4 m/s"),
+     (2.0, 0.0, "0% of the path by position targets: no metre of way that agreed"),
+     (2.0, np.nan, "100% of the path by position targets")],
+)  # fmt: skip
+def test_why_no_position_target_was_flown_is_kept_in_the_log(speed_m_s, sent, said):
+    flies = flight(Guard())
+    flies.tracker.gives_targets = True
+    target = Target(np.zeros(3), np.zeros(3), np.zeros(3), 0.0, 0.0) if speed_m_s > TARGETS_FROM_M_S else None
+    flies.tracker.tick = lambda now_s, **_: Demand(now_s, 0.0, np.zeros(3), now_s, target)
+    flies._keep = lambda *_: None  # it has not moved
+    flies._tick()
+    path = {"mission_state": np.full(3, float(State.TRAJECTORY)), "collective_force_n": np.full(3, sent)}
+    assert flies._targets_flown(path) == said

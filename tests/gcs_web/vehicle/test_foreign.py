@@ -121,7 +121,7 @@ def test_an_autopilot_is_looked_at_flown_and_logged_and_says_whose_failsafe_is_w
         visit(station, 1, talk)
         log = saved(station)
     assert log.metadata["trajectory"] == station.desk.name
-    assert "PX4 holds the last rates" in log.metadata["failsafe"]
+    assert "PX4 holds what we sent last" in log.metadata["failsafe"]
     assert not simulation.armed
 
 

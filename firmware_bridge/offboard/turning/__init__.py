@@ -1,0 +1,1 @@
+"""How the inner loop turns the vehicle."""
