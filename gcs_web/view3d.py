@@ -16,9 +16,10 @@ from gcs_web.document import missions
 from gcs_web.document.document import Content, Point, Settings
 from gcs_web.map.map_view import MapView
 from gcs_web.map.mesh_view import MeshView
-from gcs_web.protocol.plan import Draft, Series
+from gcs_web.protocol.plan import Draft, Preflight, Series
 from gcs_web.protocol.view import Colour
 from gcs_web.scene import course_view, drawing, picking
+from gcs_web.scene.flights_view import FlightsView
 from gcs_web.vehicle.vehicle_view import VehicleView
 from mapping import Map
 
@@ -62,6 +63,8 @@ class View3D:
         self._required_m = 0.0
         self._colour: Colour = "clearance"
         self._path: Any = None
+        self._flights, self._flights_shown = FlightsView(server), True
+        self._flights_found = Preflight("none")
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
         self.map.mesh.plain_of = lambda client: self.plain_views.get(self._view_of(client))
         self._has_map = False
@@ -217,7 +220,10 @@ class View3D:
     def require_clearance(self, required_m: float) -> None:
         """Take what the document asks of a path: waypoints are placed and colours scaled by it from now on."""
         with self._lock:
-            self._required_m = required_m
+            if required_m != self._required_m:
+                self._required_m = required_m
+                self._flights.draw(self._flights_found, required_m)
+                self._show_flights()
         self.map.require_clearance(required_m)
 
     def draw_plan(self, series: Series | None, *, is_coming: bool = False) -> None:
@@ -286,10 +292,23 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: Colour) -> None:
+    def show(self, colour: Colour, *, flights: bool = True) -> None:
+        """`flights`: whether those of the preflight are drawn."""
         with self._lock:
-            self._colour = colour
+            self._colour, self._flights_shown = colour, flights
             self._draw_path()
+
+    def draw_flights(self, found: Preflight) -> None:
+        """Draw the flights of the checked plan's preflight in the place of those before."""
+        with self._lock, self._server.atomic():
+            self._flights_found = found
+            self._flights.draw(found, self._required_m)
+            self._show_flights()
+
+    def _show_flights(self) -> None:
+        """Only beside the plan that they are of."""
+        current = self._checked and self._draft is None and not self._set_aside
+        self._flights.set_visible(self._flights_shown and current)
 
     def _ball(self, point: Point) -> Any:
         if point.id not in self._balls:
@@ -384,6 +403,7 @@ class View3D:
         self.on_add(None if before is None else before.id, placed_m)
 
     def _draw_path(self) -> None:
+        self._show_flights()
         if self._path is not None:
             self._path.remove()
             self._path = None

@@ -87,6 +87,7 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
         if order.order == "start":
             _start(desk, person, order.crc32)
         elif order.order == "arm":
+            _require_no_no_go(desk)
             watch.require_fit()
             watch.order(Command.ARM)
         else:
@@ -101,6 +102,7 @@ def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
+        _require_no_no_go(desk)
         watch.require_held(file, name)
         if watch.state().foreign is not None:
             _require_shown(replace(file, name=name), shown_crc32)
@@ -129,6 +131,14 @@ def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
             desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _require_no_no_go(desk: Desk) -> None:
+    """A plan whose own preflight is a no-go is not flown; one that was not flown in simulation may be."""
+    found = desk.preflight
+    if found.state == "current" and found.verdict == "no_go":
+        way_out = f"{found.remedy}; or change the plan" if found.remedy else "change the plan"
+        raise InputError(f"not armed. preflight: no-go. {found.sentence} {way_out}, then fly its preflight again")
 
 
 def _require_shown(file: TrajectoryFile, crc32: str) -> None:

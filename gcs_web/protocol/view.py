@@ -19,6 +19,8 @@ class Shown(State, frozen=True, tag="shown"):
     colour: Colour
     author: str
     """Id of the person who chose it."""
+    flights: bool = True
+    """Whether the preflight's flights are drawn."""
 
 
 class Selection(Message, frozen=True, tag="selection"):
@@ -43,6 +45,8 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
     colour: Colour = "clearance"
+    flights: bool = True
+    """Those of the preflight."""
 
 
 class Follow(Command, frozen=True, tag="follow", kw_only=True):

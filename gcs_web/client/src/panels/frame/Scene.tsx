@@ -11,7 +11,7 @@ import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredi
 import type { Channel } from "../compare/flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED, SURFACE_STD_SPAN_MM, pathEnds } from "../../plots/scales";
 import type { PathColour as Colour } from "../../plots/scales";
-import { comparison, connected, figures, flightsShown, mapShown, othersFlights, series, step, view } from "../../core/store";
+import { comparison, connected, figures, flightsShown, mapShown, othersFlights, preflight, series, step, view } from "../../core/store";
 import { isLight, narrow, token } from "../../core/theme";
 import type { Series } from "../../core/protocol";
 import { figure } from "../learn/Learn";
@@ -114,14 +114,52 @@ function PathLegend() {
   if (shown === null || current === undefined) return null;
   const isClearance = current.key === "clearance";
   return (
-    <Legend
-      unit={current.unit}
-      colours={isClearance ? CLEARANCE : CIVIDIS}
-      ends={ends(current.key, shown)}
-      {...(current.key === "could_hide" ? { note: couldHideNote(shown) } : {})}
-    >
-      <ColourChoice />
-    </Legend>
+    <>
+      <Legend
+        unit={current.unit}
+        colours={isClearance ? CLEARANCE : CIVIDIS}
+        ends={ends(current.key, shown)}
+        {...(current.key === "could_hide" ? { note: couldHideNote(shown) } : {})}
+      >
+        <ColourChoice />
+      </Legend>
+      <SimulatedLegend />
+    </>
+  );
+}
+
+/** The layer of the preflight's flights, which always have the colours of clearance. */
+function SimulatedLegend() {
+  const paths = preflight.value?.paths ?? [];
+  if (paths.length === 0) return null;
+  const { colour, flights: areShown } = view.value;
+  return (
+    <div class="legend">
+      <label class="legend-switch">
+        <input
+          type="checkbox"
+          checked={areShown}
+          disabled={!connected.value}
+          onChange={(event) => show({ flights: event.currentTarget.checked })}
+        />
+        <span>{paths.length} simulated flights</span>
+      </label>
+      {areShown && colour !== "clearance" && (
+        <>
+          <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${CLEARANCE.join(",")})` }} />
+          <div class="legend-ends">
+            <span>{clearanceEnds()[0]}</span>
+            <span>{clearanceEnds()[1]} m</span>
+          </div>
+        </>
+      )}
+      {areShown && (
+        <p class="legend-ends quiet">
+          <span>by clearance; thick: the worst</span>
+          <span class="touching-key">touching</span>
+        </p>
+      )}
+    </div>
   );
 }
 

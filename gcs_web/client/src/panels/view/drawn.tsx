@@ -1,8 +1,9 @@
 /** On the map from above: the planned path, what was flown, the moment of the cursor, the vehicle. */
 
 import { number } from "../../core/format";
-import { cursor_s, figures, figuresAreOld, flown, link, series, step, vehicle, view } from "../../core/store";
-import { pathColours } from "../../plots/scales";
+import { computed } from "@preact/signals";
+import { cursor_s, figures, figuresAreOld, flown, link, preflight, series, step, vehicle, view } from "../../core/store";
+import { TOUCHING, clearanceColour, pathColours } from "../../plots/scales";
 import { valueAt } from "../../plots/plots";
 import { cards, opened } from "../compare/flights";
 import { goTo } from "../timeline/cursor";
@@ -43,6 +44,35 @@ export function Path() {
       />
     </g>
   );
+}
+
+/** Made once for each preflight: the view is drawn anew with every word of the vehicle. */
+const simulated = computed(() => {
+  const { paths = [], radius_m = 0 } = preflight.value ?? {};
+  const required_m = figures.value?.required_clearance_m ?? 0;
+  return (
+    <g class="simulated-flights">
+      {paths.toReversed().map(({ x_m, y_m, clearance_m, is_worst }, at) => {
+        const colours = clearance_m.map((each) => (each < radius_m ? TOUCHING : clearanceColour(each, required_m)));
+        return (
+          <g key={at} class={is_worst ? "worst" : ""}>
+            {pieces(colours).map(([from, to]) => (
+              <polyline
+                key={from}
+                points={words(x_m.slice(from, to + 1), y_m.slice(from, to + 1))}
+                style={{ stroke: colours[from] ?? "" }}
+              />
+            ))}
+          </g>
+        );
+      })}
+    </g>
+  );
+});
+
+/** The simulated flights of the plan's preflight, by clearance; the worst on top. */
+export function Simulated() {
+  return view.value.flights && step.value !== 4 ? simulated.value : null;
 }
 
 /** First and last index of runs of one colour; a run ends where the next begins. */

@@ -1,0 +1,185 @@
+"""The page's preflight: the plan in simulation as the verb flies it, kept by what it was flown for."""
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import msgspec
+import numpy as np
+import pytest
+
+import mapping
+import planner
+import preflight
+import vehicle
+from flight import InputError, TrajectoryFile, Waypoints, project, silent
+from gcs_web.planning import preflown
+from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
+from gcs_web.scene.flights_view import TOUCHING, flight_colours
+from goshawk.commands.preflight import inputs
+from goshawk.station_jobs import KINDS
+from goshawk.station_jobs import preflight as job
+from goshawk.station_jobs.preflight import Arguments
+
+FEW = Arguments(risk_percent=10.0)
+"""29 flights show it."""
+
+
+@pytest.fixture(scope="module")
+def opened(pillar_map: Path, tmp_path_factory) -> project.Project:
+    made = project.create(tmp_path_factory.mktemp("preflight") / "project", "pillars")
+    shutil.copytree(pillar_map, made.map)
+    vehicle.save(made.vehicle, vehicle.example("rigter2019"))
+    return made
+
+
+@pytest.fixture(scope="module")
+def item(opened: project.Project) -> TrajectoryFile:
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    return planned(area, believed)
+
+
+def planned(area: mapping.Map, believed: vehicle.Vehicle, *, margin_m: float = 0.15) -> TrajectoryFile:
+    places = np.array([[0.8, 0.8, 1.0], [3.0, 0.8, 1.2]])
+    options = planner.PlanOptions(margin_m=margin_m).sized(believed)
+    return planner.trajectory_file(
+        planner.plan(Waypoints(places, np.full(2, np.nan)), area.field, believed, options), name="line"
+    )
+
+
+@pytest.fixture(scope="module")
+def found(opened: project.Project, item: TrajectoryFile) -> Preflight:
+    asked = msgspec.structs.replace(FEW, plan=preflown.put_down(opened.folder, item))
+    return job._run(opened.folder, asked, silent)
+
+
+def test_it_is_the_verbs_own_verdict_on_the_same_flights(opened, item, found):
+    subject = inputs.subject(item, mapping.open_map(opened.map), vehicle.load(opened.vehicle), FEW.options())
+    result = preflight.fly(subject.scenario, subject.options)
+    assert found.state == "current"
+    assert found.flights == result.flights == 29
+    assert (found.verdict == "go") is result.go
+    assert found.sentence.endswith("29 flights, no wind.")
+    assert f"{job.percent(result.upper)}; 10 % is accepted." in found.sentence
+
+
+def test_the_worst_come_first_and_their_clearance_is_that_of_the_vehicles_centre(opened, item, found):
+    subject = inputs.subject(item, mapping.open_map(opened.map), vehicle.load(opened.vehicle), FEW.options())
+    result = preflight.fly(subject.scenario, subject.options)
+    assert [each.is_worst for each in found.paths] == [True] * 3 + [False] * job.SHOWN
+    assert all(len(each.x_m) == len(each.clearance_m) <= job.SAMPLES + 1 for each in found.paths)
+    assert found.radius_m == subject.radius_m
+    least_m = min(found.paths[0].clearance_m)
+    assert least_m - found.radius_m == pytest.approx(result.record.clearance_m.min(), abs=1e-3)
+    assert max(max(each.clearance_m) for each in found.paths) <= PLENTY_M
+
+
+def test_it_is_kept_for_this_plan_map_and_vehicle_and_stale_for_any_other(opened, item, found):
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    assert preflown.of(opened.folder, item) == found
+    assert preflown.of(opened.folder, replace(item, name="another name")) == found
+    for changed, what in (
+        (replace(item, map_hash="other"), "the map"),
+        (replace(item, vehicle_hash="other"), "the vehicle"),
+        (planned(area, believed, margin_m=0.2), "the plan"),
+    ):
+        other = preflown.of(opened.folder, changed)
+        assert (other.state, other.stale, other.paths) == ("stale", what, [])
+        assert other.verdict == found.verdict
+
+
+def test_without_any_there_is_none_and_a_damaged_one_counts_as_none(tmp_path, item, found):
+    assert preflown.of(tmp_path, item) == Preflight("none")
+    preflown.save(tmp_path, item, found)
+    (file,) = (tmp_path / ".session" / "preflights").iterdir()
+    file.write_bytes(file.read_bytes()[:100])
+    assert preflown.of(tmp_path, item) == Preflight("none")
+
+
+def test_no_more_results_and_plans_than_the_newest_are_kept(tmp_path, item, found):
+    for number in range(preflown.MOST_KEPT + 3):
+        preflown.save(tmp_path, replace(item, map_hash=f"{number}"), found)
+    for number in range(preflown.MOST_PLANS + 3):
+        preflown.put_down(tmp_path, replace(item, map_hash=f"{number}"))
+    names = [file.name for file in (tmp_path / ".session" / "preflights").iterdir()]
+    assert sum(name.endswith(".plan.json") for name in names) == preflown.MOST_PLANS
+    assert len(names) == preflown.MOST_PLANS + preflown.MOST_KEPT
+    newest = replace(item, map_hash=f"{preflown.MOST_KEPT + 2}")
+    assert preflown.of(tmp_path, newest).state == "current"
+
+
+def test_what_was_cancelled_leaves_no_verdict(opened, item, monkeypatch):
+    flown = preflight.fly
+
+    def cut_off(scenario, options, *, progress):
+        return replace(flown(scenario, options), wanted=1000)
+
+    monkeypatch.setattr(preflight, "fly", cut_off)
+    other = replace(item, name="cut off")
+    before = preflown.of(opened.folder, other)
+    with pytest.raises(KeyboardInterrupt):
+        job._run(opened.folder, msgspec.structs.replace(FEW, plan=preflown.put_down(opened.folder, other)), silent)
+    assert preflown.of(opened.folder, other) == before
+
+
+def test_a_plan_that_is_not_there_is_refused(opened):
+    for key in ("", "0" * 32, "../../waypoints"):
+        with pytest.raises(InputError, match="no checked plan to fly"):
+            job._run(opened.folder, Arguments(plan=key), silent)
+
+
+class Flown(SimpleNamespace):
+    """What a verdict is read from."""
+
+
+def flown(estimate: float, upper: float, *, finished: float = 1.0, hides: bool = False, reached=None):
+    lost = SimpleNamespace(estimate=estimate, reached=reached)
+    rare = None if reached is None else SimpleNamespace(risk=lost)
+    go = upper <= 1e-3 and finished >= 0.9
+    return Flown(go=go, lost=lost, upper=upper, risk=1e-3, finished=finished, hides=hides, hidden=None, rare=rare)
+
+
+@pytest.mark.parametrize(
+    ("result", "verdict"),
+    [
+        (flown(0.0, 9.9e-4), "go"),
+        (flown(0.0, 3e-2), "not_shown"),  # too few flights
+        (flown(5e-4, 2e-3), "not_shown"),
+        (flown(2e-3, 4e-3), "no_go"),
+        (flown(0.0, 9.9e-4, finished=0.5), "no_go"),
+        (flown(0.0, 3e-2, hides=True), "no_go"),
+        (flown(2e-2, 3e-2, reached=False), "not_shown"),  # the chance is that of the last level
+        (flown(2e-2, 3e-2, reached=True), "no_go"),
+    ],
+)
+def test_only_what_the_flights_show_is_a_no_go(result, verdict):
+    assert job.verdict(result) == verdict
+
+
+def test_remedies_are_told_without_the_options_of_a_verb():
+    from preflight import remedies
+
+    every = [job.in_words(remedies.words(name)) for name in [*remedies._WORDS, "mass_kg with x"]]
+    assert not [words for words in every if "--" in words or "goshawk" in words]
+    assert job.in_words(remedies.words("wind")) == "wait for less wind, or plan with more margin"
+
+
+def test_wind_gusts_and_risk_reach_the_flights_in_their_units():
+    options = Arguments(wind_m_s=3.0, gust_std_m_s=1.0, risk_percent=1.0, flights=7).options()
+    assert (options.uncertainty.wind_m_s, options.uncertainty.gust_std_m_s) == (3.0, 1.0)
+    assert options.uncertainty.wind_direction is None
+    assert (options.risk, options.flights) == (0.01, 7)
+    assert Arguments().options() == preflight.Options()
+
+
+def test_a_simulated_flight_is_yellow_at_the_limit_and_red_only_where_it_touches():
+    flight = SimulatedFlight([0.0] * 4, [0.0] * 4, [0.0] * 4, [0.19, 0.2, 0.35, 5.0], lost=True, is_worst=True)
+    touching, near, limit, far = flight_colours(flight, required_m=0.35, radius_m=0.2).tolist()
+    assert touching == list(TOUCHING)
+    assert near == limit == [253, 231, 36]
+    assert far != near
+
+
+def test_the_form_asks_for_no_plan_and_the_station_offers_it():
+    assert job.KIND in KINDS
