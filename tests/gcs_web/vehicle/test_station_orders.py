@@ -5,12 +5,16 @@ The last flight is killed in the air: the vehicle lies as it fell.
 
 import json
 import threading
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from firmware_bridge import arming
+from firmware_bridge.dialect.generated.messages import MissionState
 from flight import LinkError, Waypoints, flight_log
 from gcs_web.gateway import page_socket
+from gcs_web.protocol.plan import Preflight
 from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import PATIENCE_S, until
 
@@ -73,6 +77,56 @@ def test_neither_a_start_nor_arming_lifts_a_vehicle_that_is_not_fit(station):
         for order in ("arm", "start"):
             assert "not armed. start: the trajectory begins" in await ordered(page, order)
         assert page.state["vehicle"]["mission"] == "disarmed"
+
+    visit(station, 2, talk)
+
+
+STREAMS = {"position": 0b1, "attitude": 0b100, "rate": 0b10000}
+"""First bit of each in the vehicle's word of faults."""
+HEARD: list[tuple[str, dict[str, object]]] = [
+    ("mission state", {"mission_state": MissionState.FAULT}),
+    *(("estimator", {"estimate_faults": bit}) for bit in STREAMS.values()),
+    ("level", {"q_world_body": [0.7071, 0.7071, 0.0, 0.0]}),
+    ("at rest", {"velocity_world_m_s": [0.0, 0.6, 0.0]}),
+    ("at rest", {"rate_body_rad_s": [0.0, 0.0, 0.6]}),
+    ("battery", {"battery_v": 5.0}),
+    ("start", {"position_world_m": [3.0, 3.6, 0.0]}),
+    ("geofence", {"position_world_m": [0.8, 0.8, 40.0]}),
+]
+"""What the vehicle says of itself, and the item of the list that it makes false."""
+
+
+def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_climbs(station, monkeypatch):
+    """Telemetry is changed where the list is made of it; the vehicle itself stands as it should."""
+    false: dict[str, object] = {}
+    judged = arming.checks
+    monkeypatch.setattr(arming, "checks", lambda state, *rest: judged(replace(state, **false), *rest))
+    parameters = station.watch.parameters() | {"battery_arm_v": 13.0, "fence_max_z_m": 30.0}
+    monkeypatch.setattr(station.watch.link, "parameters", lambda: parameters)
+    desk, stands_at_m = station.desk, station.watch.link.state.position_world_m[2]
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        for item, heard in HEARD:
+            false.clear()
+            false.update(heard)
+            for order in ("arm", "start"):
+                said = await ordered(page, order)
+                assert said.startswith("not armed. "), (item, order, said)
+                assert f"{item}: " in said
+        false.clear()
+        monkeypatch.setattr(desk, "preflight", Preflight("current", verdict="no_go", sentence="Lost."))
+        for order in ("arm", "start"):
+            assert "preflight: no-go. Lost." in await ordered(page, order)
+        monkeypatch.setattr(desk, "preflight", Preflight("none"))
+        desk.rename("another plan")  # which is not the one that it holds
+        assert "holds plan, not this plan; upload it first" in await ordered(page, "start")
+        desk.rename("plan")
+        assert station.watch.state().mission == "disarmed"
+        assert station.watch.link.state.position_world_m[2] == pytest.approx(stands_at_m, abs=0.01)
 
     visit(station, 2, talk)
 
