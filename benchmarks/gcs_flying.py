@@ -31,7 +31,7 @@ from gcs_web import GroundStation
 FLIGHTS, RESTARTS, ORDERS = 12, 3, 10
 _ENDS = ("abort", "kill", "lost")
 _AGAIN_S, _PATIENCE_S = 0.5, 120.0
-_LINE = np.array([[12.0, 6.0, 1.2], [14.5, 9.0, 1.6], [12.0, 11.0, 1.2]])
+_LINE = np.array([[15.0, 6.0, 1.2], [14.3, 9.5, 1.6], [10.0, 10.9, 1.2]])
 
 
 def hall_with_line(folder: Path) -> project.Project:
@@ -53,7 +53,8 @@ def standing(key_file: Path) -> Iterator[SitlVehicle]:
 
 async def in_the_air(of: Page) -> None:
     """Return once the vehicle is on the plan's path."""
-    await of.until("plan", lambda p: p["state"] == "checked")
+    plan = await of.until("plan", lambda p: p["state"] in ("checked", "refused"))
+    assert plan["state"] == "checked", plan["sentence"]
     await of.asked("take_control", force=True)
     await of.until("vehicle", lambda v: v["link"] == "fresh")
     prepared = await of.asked("prepare_upload")

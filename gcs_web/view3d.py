@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     import viser
 
 _BALL_M = 0.05
+_THICK_M, _THIN_M = 0.06, 0.02
+"""The path, and among the preflight's flights, which would be inside it."""
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _PLAIN_LIGHT = 1.0
@@ -223,7 +225,7 @@ class View3D:
             if required_m != self._required_m:
                 self._required_m = required_m
                 self._flights.draw(self._flights_found, required_m)
-                self._show_flights()
+                self._draw_path()
         self.map.require_clearance(required_m)
 
     def draw_plan(self, series: Series | None, *, is_coming: bool = False) -> None:
@@ -303,7 +305,7 @@ class View3D:
         with self._lock, self._server.atomic():
             self._flights_found = found
             self._flights.draw(found, self._required_m)
-            self._show_flights()
+            self._draw_path()
 
     def _show_flights(self) -> None:
         """Only beside the plan that they are of."""
@@ -414,7 +416,8 @@ class View3D:
         is_current = self._checked and self._draft is None
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
         colours = drawing.series_colours(series, self._colour, self._required_m) if is_current else grey
-        self._path = drawing.draw_path(self._server, positions, colours)
+        thickness_m = _THIN_M if self._flights.visible else _THICK_M
+        self._path = drawing.draw_path(self._server, positions, colours, thickness_m=thickness_m)
 
     def _look_at(self, low: FloatArray, high: FloatArray) -> None:
         """Look at the middle of a box (world, m) from behind and above, high enough to see over the walls."""

@@ -44,6 +44,10 @@ class FlightsView:
             if any(len(each.x_m) > 1 for each in flights)
         ]
 
+    @property
+    def visible(self) -> bool:
+        return any(line.visible for line in self._lines)
+
     def set_visible(self, visible: bool) -> None:
         for line in self._lines:
             line.visible = visible

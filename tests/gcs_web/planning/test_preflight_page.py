@@ -11,10 +11,10 @@ from gcs_web.planning import preflown
 from gcs_web.protocol.plan import Preflight, SimulatedFlight
 from goshawk.station_jobs import preflight
 from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium
-from tests.gcs_web.station_socket import Page, visit
 from tests.gcs_web.two_pillars import serving
 from tests.waiting import until as wait
 
+pytestmark = needs_chromium
 ASIDE = SimulatedFlight([0.8, 3.0], [0.8, 2.2], [1.0, 1.2], [0.1, 0.5], lost=True, is_worst=True)
 
 
@@ -43,7 +43,6 @@ def block(page):
     return page.get_by_role("region", name="Preflight")
 
 
-@needs_chromium
 def test_a_plan_is_flown_in_simulation_seen_by_clearance_and_stale_once_it_is_edited(station, page):
     block(page).get_by_text("Not flown yet.").wait_for()
     block(page).get_by_role("button", name="Wind and risk").click()
@@ -69,7 +68,6 @@ def test_a_plan_is_flown_in_simulation_seen_by_clearance_and_stale_once_it_is_ed
     block(page).get_by_text(re.compile("29 flights")).wait_for()
 
 
-@needs_chromium
 def test_a_preflight_that_is_cancelled_leaves_the_plan_as_not_flown(station, page):
     block(page).get_by_role("button", name="Wind and risk").click()
     form = page.get_by_role("form", name="Preflight of the plan")
@@ -81,7 +79,6 @@ def test_a_preflight_that_is_cancelled_leaves_the_plan_as_not_flown(station, pag
     assert station.desk.preflight.state == "none"
 
 
-@needs_chromium
 def test_the_list_before_a_flight_warns_where_none_was_flown_and_forbids_a_no_go(station, page):
     page.keyboard.press("3")
     line = page.get_by_role("listitem").filter(has_text="Preflight")
@@ -100,7 +97,6 @@ def test_the_list_before_a_flight_warns_where_none_was_flown_and_forbids_a_no_go
     wait(arm.is_enabled, "an order that may be given again")
 
 
-@needs_chromium
 @pytest.mark.parametrize("width", [1280, 360])
 def test_nothing_of_a_preflight_is_a_serious_barrier(station, page, width):
     from axe_playwright_python.sync_playwright import Axe
@@ -113,28 +109,3 @@ def test_nothing_of_a_preflight_is_a_serious_barrier(station, page, width):
             drawn(page)
             results = Axe().run(page, context={"exclude": [["iframe"]]}).response["violations"]
             assert [rule["id"] for rule in results if rule["impact"] in SERIOUS] == []
-
-
-async def ordered(page: Page, order: str) -> str:
-    nonce = (await page.command("prepare_order"))["nonce"]
-    return (await page.command("order", order=order, nonce=nonce))["error"]
-
-
-@pytest.mark.usefixtures("same_waypoints")
-def test_neither_a_start_nor_arming_lifts_a_vehicle_whose_plan_is_a_no_go(station):
-    async def talk(page: Page):
-        await page.checked()
-        await page.command("take_control", force=True)
-        prepared = await page.command("prepare_upload")
-        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
-        tell(station, "no_go")
-        for order in ("arm", "start"):
-            said = await ordered(page, order)
-            assert said.startswith("not armed. preflight: no-go. Risk as told. wait for less wind; or change the plan")
-        assert station.watch.state().mission == "disarmed"
-        for verdict in ("not_shown", "go"):
-            tell(station, verdict)
-            assert not await ordered(page, "arm")
-            assert not await ordered(page, "disarm")
-
-    visit(station, 1, talk)

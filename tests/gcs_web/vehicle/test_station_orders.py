@@ -121,6 +121,10 @@ def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_
         monkeypatch.setattr(desk, "preflight", Preflight("current", verdict="no_go", sentence="Lost."))
         for order in ("arm", "start"):
             assert "preflight: no-go. Lost." in await ordered(page, order)
+        for verdict, state in (("not_shown", "current"), ("go", "current"), ("no_go", "stale"), ("no_go", "none")):
+            monkeypatch.setattr(desk, "preflight", Preflight(state, verdict=verdict))  # which only warns
+            assert not await ordered(page, "arm")
+            assert not await ordered(page, "disarm")
         monkeypatch.setattr(desk, "preflight", Preflight("none"))
         desk.rename("another plan")  # which is not the one that it holds
         assert "holds plan, not this plan; upload it first" in await ordered(page, "start")

@@ -448,7 +448,7 @@ export interface ForeseeJob {
   type: "foresee_job";
   serial: number;
   kind: string;
-  arguments: Record<string, string | number | boolean | string[]>;
+  arguments: Record<string, string | number | number | boolean | string[]>;
 }
 
 export interface ForgetJob {
@@ -1373,7 +1373,7 @@ export interface StartJob {
   type: "start_job";
   serial: number;
   kind: string;
-  arguments: Record<string, string | number | boolean | string[]>;
+  arguments: Record<string, string | number | number | boolean | string[]>;
 }
 
 export interface Stream {

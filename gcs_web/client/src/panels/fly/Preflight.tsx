@@ -112,7 +112,7 @@ function Begin({ name }: { name: string }) {
 /** What the vehicle does not tell on the ground, which keeps nothing from being flown. */
 export function NotTold() {
   const found = preflight.value;
-  const flown = found?.state === "current" ? `; the preflight has ${number(found.wind_m_s, 1)} m/s` : "";
+  const flown = found?.state === "current" ? `; the preflight was flown for ${number(found.wind_m_s, 1)} m/s` : "";
   const remote = foreign.value === null ? "not told: Goshawk's link has no sticks" : "not told: look at the transmitter";
   return (
     <>

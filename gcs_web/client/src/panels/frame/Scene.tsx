@@ -134,7 +134,7 @@ function SimulatedLegend() {
   if (paths.length === 0) return null;
   const { colour, flights: areShown } = view.value;
   return (
-    <div class="legend">
+    <div class="legend simulated-legend">
       <label class="legend-switch">
         <input
           type="checkbox"

@@ -14,6 +14,9 @@ type OnScreen = (point: Point) => readonly [number, number];
 const words = (x_m: readonly number[], y_m: readonly number[]): string =>
   x_m.map((x, i) => `${x.toFixed(3)},${(y_m[i] ?? 0).toFixed(3)}`).join(" ");
 
+/** Whether simulated flights stand round the path, which is drawn thin among them. */
+const hasSimulated = computed(() => view.value.flights && (preflight.value?.paths.length ?? 0) > 0);
+
 /** In pieces of one colour; grey where the plan is void or being made. */
 export function Path() {
   const shown = series.value;
@@ -22,7 +25,7 @@ export function Path() {
   const old = figuresAreOld.value;
   const colours = old ? x_m.map(() => "") : pathColours(view.value.colour, shown, figures.value?.required_clearance_m ?? 0);
   return (
-    <g class={`planned-path ${old ? "old" : ""}`}>
+    <g class={`planned-path ${old ? "old" : ""} ${hasSimulated.value ? "thin" : ""}`}>
       {pieces(colours).map(([from, to]) => (
         <polyline
           key={from}
@@ -72,7 +75,7 @@ const simulated = computed(() => {
 
 /** The simulated flights of the plan's preflight, by clearance; the worst on top. */
 export function Simulated() {
-  return view.value.flights && step.value !== 4 ? simulated.value : null;
+  return hasSimulated.value && step.value !== 4 ? simulated.value : null;
 }
 
 /** First and last index of runs of one colour; a run ends where the next begins. */
