@@ -172,11 +172,13 @@ def in_words(remedy: str) -> str:
 
 
 def path(track: worst.Track, radius_m: float, *, is_worst: bool) -> SimulatedFlight:
-    """A flight, thinned, but for the moment that matters."""
+    """A flight, thinned, but for the moment that matters; what follows a touch is no flight and stays a touch."""
     count = len(track.time_s)
     at = np.unique([*np.linspace(0, count - 1, min(count, SAMPLES)).astype(int), track.moment])
     places = track.position_world_m[at].round(3)
     clearance_m = np.minimum(np.nan_to_num(track.clearance_m[at] + radius_m, nan=PLENTY_M), PLENTY_M).round(3)
+    if (touches := np.flatnonzero(clearance_m < radius_m)).size:
+        clearance_m[touches[0] :] = np.minimum.accumulate(clearance_m[touches[0] :])
     x_m, y_m, z_m = (cast("list[float]", places[:, axis].tolist()) for axis in range(3))
     return SimulatedFlight(x_m, y_m, z_m, clearance_m.tolist(), track.lost, is_worst)
 

@@ -148,10 +148,10 @@ def test_a_flight_that_anybody_aborts_or_kills_leaves_its_log(station, emergency
 
     async def talk(page: Page, other: Page):
         await flying(page)
-        until(lambda: station.view.vehicle._setpoint.visible, "the set-point in the 3D view")
+        await page.until(lambda _: station.view.vehicle._setpoint.visible)  # not `until`, which answers no ping
         assert not (await other.command(emergency))["error"]  # by whoever sees the danger
         await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed", "fault"))
-        until(lambda: set(station.desk.project.flights()) - before, "the log")
+        await page.until(lambda _: set(station.desk.project.flights()) - before)
         await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
         if page.state["vehicle"]["mission"] != "disarmed":
             assert not await ordered(page, "disarm")

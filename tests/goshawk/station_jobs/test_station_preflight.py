@@ -21,6 +21,7 @@ from goshawk.commands.preflight import inputs
 from goshawk.station_jobs import KINDS
 from goshawk.station_jobs import preflight as job
 from goshawk.station_jobs.preflight import Arguments
+from preflight import worst
 
 FEW = Arguments(risk_percent=10.0)
 """29 flights show it."""
@@ -87,6 +88,21 @@ def test_it_is_kept_for_this_plan_map_and_vehicle_and_stale_for_any_other(opened
         other = preflown.of(opened.folder, changed)
         assert (other.state, other.stale, other.paths) == ("stale", what, [])
         assert other.verdict == found.verdict
+
+
+def test_what_follows_a_touch_stays_a_touch():
+    count = 200
+    clearance_m = np.full(count, np.inf)
+    clearance_m[101:150] = -0.05
+    track = worst.Track(
+        7, np.arange(count) * 0.01, np.arange(count) * 0.01, np.full(count, True), np.outer(np.arange(count), [1, 0, 0]), clearance_m,
+        np.zeros(count), lost=True, moment=101, surface_world_m=None,
+    )  # fmt: skip
+    shown = job.path(track, 0.2, is_worst=True)
+    first = next(i for i, each in enumerate(shown.clearance_m) if each < 0.2)
+    assert shown.clearance_m[:first] == [PLENTY_M] * first
+    assert shown.clearance_m[first:] == [0.15] * (len(shown.x_m) - first)
+    assert shown.x_m[first] == 101.0  # the moment that matters is kept
 
 
 def test_without_any_there_is_none_and_a_damaged_one_counts_as_none(tmp_path, item, found):
