@@ -33,8 +33,10 @@ _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _PLAIN_LIGHT = 1.0
 """From all sides alike, which costs nothing, in place of the environment."""
-_MOST_PLAIN_VIEWS = 64
-"""That are remembered; those that asked long ago go first."""
+_MOST_VIEWS = 64
+"""That are remembered; those that asked or moved long ago go first."""
+_SAME_SCALE = 0.01
+"""Change of a view's height that is told."""
 _WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
 _GRID = (60, 70, 78), (100, 110, 118)
 """Lines a metre and five apart, where there is no map."""
@@ -90,6 +92,7 @@ class View3D:
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
         self._recorded: Any = None
+        self._heights_m: dict[str, float] = {}
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -104,6 +107,8 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         self.on_box: Callable[[list[int]], None] = lambda _: None
         """A rectangle was drawn round these waypoints (ids)."""
+        self.on_scales: Callable[[dict[str, float]], None] = lambda _: None
+        """Heights of the world in pages' 3D views at the points looked at, m, by the views' names; one has changed."""
         server.scene.on_click()(self._clicked)
         server.scene.on_rect_select(modifier="cmd/ctrl")(self._boxed)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
@@ -145,7 +150,7 @@ class View3D:
                 self._server.scene.add_light_ambient("/plain_light", intensity=_PLAIN_LIGHT)  # else walls are black
             self.plain_views.pop(view, None)
             self.plain_views[view] = triangles
-            while len(self.plain_views) > _MOST_PLAIN_VIEWS:
+            while len(self.plain_views) > _MOST_VIEWS:
                 del self.plain_views[next(iter(self.plain_views))]
         self.map.mesh.simplify([client.client_id for client in self.vehicle.browsers_of(view)], triangles)
 
@@ -428,8 +433,20 @@ class View3D:
 
     def _browser_came(self, client: "viser.ClientHandle") -> None:
         self._aim_camera(client)
-        client.camera.on_update(lambda _: self.vehicle.browser_looked(client))
+        client.camera.on_update(lambda _: self._browser_looked(client))
         self.vehicle.browser_came(client, self._view_of(client))
+
+    def _browser_looked(self, client: "viser.ClientHandle") -> None:
+        self.vehicle.browser_looked(client)
+        height_m, view = picking.height_seen(client.camera), self._view_of(client)
+        with self._lock:
+            if abs(height_m - self._heights_m.get(view, 0.0)) < _SAME_SCALE * height_m or not view:
+                return
+            self._heights_m.pop(view, None)
+            self._heights_m[view] = round(height_m, 3)
+            while len(self._heights_m) > _MOST_VIEWS:
+                del self._heights_m[next(iter(self._heights_m))]
+            self.on_scales(dict(self._heights_m))
 
     def _view_of(self, client: "viser.ClientHandle") -> str:
         """The name that the browser's page gave to its 3D view, which the gateway passes on; empty for none."""

@@ -23,6 +23,12 @@ class Shown(State, frozen=True, tag="shown"):
     """Whether the preflight's flights are drawn."""
 
 
+class ViewScales(State, frozen=True, tag="view_scales"):
+    """How much of the world the 3D views show, by their names: the height of the picture at the point looked at, m."""
+
+    heights_m: dict[str, float]
+
+
 class Selection(Message, frozen=True, tag="selection"):
     """Waypoints were selected in the 3D view."""
 

@@ -94,9 +94,10 @@ def test_what_follows_a_touch_stays_a_touch():
     count = 200
     clearance_m = np.full(count, np.inf)
     clearance_m[101:150] = -0.05
+    steps = np.arange(float(count))
+    line_m = np.stack([steps, 0.0 * steps, 0.0 * steps], axis=1)
     track = worst.Track(
-        7, np.arange(count) * 0.01, np.arange(count) * 0.01, np.full(count, True), np.outer(np.arange(count), [1, 0, 0]), clearance_m,
-        np.zeros(count), lost=True, moment=101, surface_world_m=None,
+        7, 0.01 * steps, 0.01 * steps, np.full(count, True), line_m, clearance_m, np.zeros(count), lost=True, moment=101, surface_world_m=None,
     )  # fmt: skip
     shown = job.path(track, 0.2, is_worst=True)
     first = next(i for i, each in enumerate(shown.clearance_m) if each < 0.2)

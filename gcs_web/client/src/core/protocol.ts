@@ -1514,6 +1514,11 @@ export interface VehicleVersion {
   changes: string[];
 }
 
+export interface ViewScales {
+  type: "view_scales";
+  heights_m: Record<string, number>;
+}
+
 export interface Waypoint {
   id: number;
   x_m: number;
@@ -1536,6 +1541,6 @@ export interface Welcome {
   station: string;
 }
 
-export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Preflight | Projects | Reply | Selection | Shown | Vehicle | Welcome;
+export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Preflight | Projects | Reply | Selection | Shown | Vehicle | ViewScales | Welcome;
 
 export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookAtVehicle | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrogram | ReadSpectrum | ReadStreams | Redo | RenameFlight | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetNote | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

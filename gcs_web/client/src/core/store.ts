@@ -31,6 +31,8 @@ const preflightTold = newest("preflight", {
   radius_m: 0,
   paths: [],
 });
+/** Height of the world in 3D views at the points looked at, by the views' names. */
+export const viewScales = newest("view_scales", { type: "view_scales", heights_m: {} });
 export const vehicle = signal<Vehicle | null>(null);
 export const invitationEnded = newest("invitation_ended", { type: "invitation_ended", number: 0 });
 export const people = newest("people", { type: "people", people: [], in_control: "" });
