@@ -1,6 +1,7 @@
 """Clicks in the 3D view: a ray finds what an eye along it sees first."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,5 +75,6 @@ def test_a_waypoint_at_a_wall_stands_off_by_the_clearance():
 )
 def test_the_height_of_a_picture_is_that_at_the_point_looked_at(distance_m, fov_deg, height_m):
     far = np.array([1.0, 2.0, 3.0])
-    camera = SimpleNamespace(position=far, look_at=far + [0.0, distance_m, 0.0], fov=np.radians(fov_deg))
+    ahead = np.array([0.0, distance_m, 0.0])
+    camera: Any = SimpleNamespace(position=far, look_at=far + ahead, fov=np.radians(fov_deg))
     assert picking.height_seen(camera) == pytest.approx(height_m, rel=1e-4)
