@@ -15,6 +15,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import aiohttp
@@ -30,7 +31,7 @@ from gcs_web import GroundStation
 
 FLIGHTS, RESTARTS, ORDERS = 12, 3, 10
 _ENDS = ("abort", "kill", "lost")
-_AGAIN_S, _PATIENCE_S = 0.5, 120.0
+_AGAIN_S, _PATIENCE_S = 0.5, 900.0
 _LINE = np.array([[15.0, 6.0, 1.2], [14.3, 9.5, 1.6], [10.0, 10.9, 1.2]])
 
 
@@ -203,14 +204,16 @@ def started(command: list[str]) -> tuple[subprocess.Popen[str], str]:
 
 def rows(flights: int = FLIGHTS, restarts: int = RESTARTS) -> list[Row]:
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        for part in ("wire", "restart", "logs"):
+        folder, found = Path(name), []
+        for part, measured in (
+            ("wire", to_the_wire),
+            ("restart", partial(restarted_in_flight, count=restarts)),
+            ("logs", partial(logs, count=flights)),
+        ):
             (folder / part).mkdir()
-        return [
-            *to_the_wire(folder / "wire"),
-            *restarted_in_flight(folder / "restart", restarts),
-            *logs(folder / "logs", flights),
-        ]
+            found += measured(folder / part)
+            print(*found, sep="\n", file=sys.stderr, flush=True)  # so that what is cut off has shown something
+        return found
 
 
 if __name__ == "__main__":
