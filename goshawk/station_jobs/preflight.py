@@ -79,7 +79,7 @@ def _given(desk: Desk) -> dict[str, str]:
 
 
 def _claimed(project: Project, asked: Arguments) -> Path | None:
-    return project.folder / ".session" / "preflights" / f"{asked.plan}.json"
+    return project.folder / ".session" / "preflights" / asked.plan / "the plan's preflight"  # a name to be read
 
 
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Preflight:
@@ -173,8 +173,9 @@ def in_words(remedy: str) -> str:
 
 def path(track: worst.Track, radius_m: float, *, is_worst: bool) -> SimulatedFlight:
     """A flight, thinned, but for the moment that matters; what follows a touch is no flight and stays a touch."""
-    count = len(track.time_s)
-    at = np.unique([*np.linspace(0, count - 1, min(count, SAMPLES)).astype(int), track.moment])
+    known = np.flatnonzero(np.isfinite(track.position_world_m).all(axis=1))  # not where it diverged
+    at = known[np.linspace(0, known.size - 1, min(known.size, SAMPLES)).astype(int)]
+    at = np.union1d(at, known[known == track.moment])
     places = track.position_world_m[at].round(3)
     clearance_m = np.minimum(np.nan_to_num(track.clearance_m[at] + radius_m, nan=PLENTY_M), PLENTY_M).round(3)
     if (touches := np.flatnonzero(clearance_m < radius_m)).size:

@@ -33,7 +33,9 @@ def not_flown(station: GroundStation):
     station.desk.show_preflight()
 
 
-def tell(station: GroundStation, verdict: Literal["go", "no_go", "not_shown"], remedy: str = "wait for less wind") -> None:
+def tell(
+    station: GroundStation, verdict: Literal["go", "no_go", "not_shown"], remedy: str = "wait for less wind"
+) -> None:
     """Keep a preflight of the plan that is checked now."""
     found = Preflight("current", verdict=verdict, sentence="Risk as told.", remedy=remedy, radius_m=0.2, paths=[ASIDE])
     preflown.save(station.desk.project.folder, station.desk.checked(), found)

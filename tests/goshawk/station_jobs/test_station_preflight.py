@@ -97,13 +97,31 @@ def test_what_follows_a_touch_stays_a_touch():
     steps = np.arange(float(count))
     line_m = np.stack([steps, 0.0 * steps, 0.0 * steps], axis=1)
     track = worst.Track(
-        7, 0.01 * steps, 0.01 * steps, np.full(count, True), line_m, clearance_m, np.zeros(count), lost=True, moment=101, surface_world_m=None,
+        7, 0.01 * steps, 0.01 * steps, np.full(count, True), line_m, clearance_m, np.zeros(count),
+        lost=True, moment=101, surface_world_m=None,
     )  # fmt: skip
     shown = job.path(track, 0.2, is_worst=True)
     first = next(i for i, each in enumerate(shown.clearance_m) if each < 0.2)
     assert shown.clearance_m[:first] == [PLENTY_M] * first
     assert shown.clearance_m[first:] == [0.15] * (len(shown.x_m) - first)
     assert shown.x_m[first] == 101.0  # the moment that matters is kept
+
+
+def test_of_a_flight_that_diverged_only_the_finite_part_is_kept(tmp_path, item, found):
+    steps = np.arange(10.0)
+    line_m = np.stack([steps, steps, steps], axis=1)
+    line_m[6:] = [np.nan, np.inf, 0.0]
+    near_m = np.where(steps < 6.0, 0.3, np.nan)
+    track = worst.Track(
+        7, steps, steps, np.full(10, True), line_m, near_m, steps, lost=True, moment=8, surface_world_m=None
+    )
+    shown = job.path(track, 0.2, is_worst=True)
+    assert shown.x_m == shown.z_m == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert shown.clearance_m == [0.5] * 6
+    gone = replace(track, position_world_m=np.full((10, 3), np.nan))
+    kept = msgspec.structs.replace(found, paths=[shown, job.path(gone, 0.2, is_worst=False)])
+    preflown.save(tmp_path, item, kept)
+    assert preflown.of(tmp_path, item) == kept  # JSON has no NaN: it would count as damaged
 
 
 def test_without_any_there_is_none_and_a_damaged_one_counts_as_none(tmp_path, item, found):

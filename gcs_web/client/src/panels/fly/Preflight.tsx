@@ -144,6 +144,7 @@ export function PreflightLine() {
       <span>
         <b>Preflight</b> {passed ? "Go. " : isNoGo.value ? "No-go. " : ""}
         <Said text={finding(found)} />
+        {foreign.value !== null && found.state === "current" && " Flown by Goshawk's own controller."}
         {isNoGo.value && (
           <span class="remedy">
             <Said text={`${sentenceCase(found.remedy || "give the plan more room, or fly slower")}.`} />
