@@ -173,22 +173,25 @@ async def restarted(command: list[str]) -> tuple[float, float, bool]:
         second, _ = started([*command, "--port", origin.rpartition(":")[2]])
         listens_s = time.perf_counter()
         try:
-            return await back(browser, origin, listens_s), listens_s - begun_s, True
+            back_s, aborted = await back(browser, origin, listens_s)
+            return back_s, listens_s - begun_s, aborted
         finally:
             second.terminate()
             second.wait()
 
 
-async def back(browser: aiohttp.ClientSession, origin: str, listens_s: float) -> float:
+async def back(browser: aiohttp.ClientSession, origin: str, listens_s: float) -> tuple[float, bool]:
+    """Seconds since the station listened, and whether Abort was heard: a slow start finds the vehicle landed."""
     while True:
         try:
             async with browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}, max_msg_size=0) as socket:
                 of = Page(socket)
                 await of.until("vehicle", lambda v: v["link"] == "fresh")
                 back_s = time.perf_counter() - listens_s
-                await of.asked("abort")
+                if (await of.command("abort"))["error"]:
+                    return back_s, False
                 await of.until("vehicle", lambda v: v["mission"] in ("landing", "disarmed"))
-                return back_s
+                return back_s, True
         except aiohttp.ClientError:
             await asyncio.sleep(_AGAIN_S)
 
@@ -207,8 +210,8 @@ def rows(flights: int = FLIGHTS, restarts: int = RESTARTS) -> list[Row]:
         folder, found = Path(name), []
         for part, measured in (
             ("wire", to_the_wire),
-            ("restart", partial(restarted_in_flight, count=restarts)),
             ("logs", partial(logs, count=flights)),
+            ("restart", partial(restarted_in_flight, count=restarts)),
         ):
             (folder / part).mkdir()
             found += measured(folder / part)
