@@ -157,6 +157,8 @@ def percent(chance: float) -> str:
 
 def _decides(result: preflight.Result) -> tuple[str, str]:
     """What decides most, and what to do about it, without the options of a verb; empty where it is not told."""
+    if result.hidden is not None and result.hides:
+        return "what the map may have missed", in_words(result.hidden.remedy())  # no margin makes that a go
     if result.dominating is None:
         return "", ""
     factor, share = result.dominating
@@ -168,7 +170,7 @@ def _decides(result: preflight.Result) -> tuple[str, str]:
 def in_words(remedy: str) -> str:
     """As the page says it."""
     plain = re.sub(r" \((?:goshawk|--)[^)]*\)", "", remedy).replace("a larger --margin", "more margin")
-    return plain.replace("`goshawk next-flight`", "step 5, Learn,")
+    return plain.replace("`goshawk next-flight`", "step 5, Learn,").replace("with `goshawk map edit`", "on step 1, Map")
 
 
 def path(track: worst.Track, radius_m: float, *, is_worst: bool) -> SimulatedFlight:

@@ -200,6 +200,20 @@ def test_remedies_are_told_without_the_options_of_a_verb():
     assert job.in_words(remedies.words("wind")) == "wait for less wind, or plan with more margin"
 
 
+def test_what_the_map_may_have_missed_has_its_own_remedy(opened, item):
+    subject = inputs.subject(item, mapping.open_map(opened.map), vehicle.load(opened.vehicle), FEW.options())
+    thing = preflight.Hidden(0.3, (1.0, 2.0, 0.5), "7.png")
+    options = replace(subject.options, hidden=thing)
+    result = preflight.fly(subject.scenario, options)
+    hides = job.told(
+        result, preflight.replay(subject.scenario, result, options, bundle=1), replace(subject, options=options)
+    )
+    assert hides.verdict == "no_go"
+    assert hides.sentence.startswith("The map may miss a thing in the way: 30 %; 10 % is accepted.")
+    near = "take more images near (1.00, 2.00, 0.50) m (look at 7.png)"
+    assert hides.remedy == f"{near}, or clear what is empty on step 1, Map"
+
+
 def test_wind_gusts_and_risk_reach_the_flights_in_their_units():
     options = Arguments(wind_m_s=3.0, gust_std_m_s=1.0, risk_percent=1.0, flights=7).options()
     assert (options.uncertainty.wind_m_s, options.uncertainty.gust_std_m_s) == (3.0, 1.0)
