@@ -96,6 +96,15 @@ HEARD: list[tuple[str, dict[str, object]]] = [
 """What the vehicle says of itself, and the item of the list that it makes false."""
 
 
+WARNING = (
+    Preflight("current", verdict="not_shown"),
+    Preflight("current", verdict="go"),
+    Preflight("stale", verdict="no_go"),
+    Preflight("none", verdict="no_go"),
+)
+"""Preflights that keep nothing on the ground."""
+
+
 def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_climbs(station, monkeypatch):
     """Telemetry is changed where the list is made of it; the vehicle itself stands as it should."""
     false: dict[str, object] = {}
@@ -121,8 +130,8 @@ def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_
         monkeypatch.setattr(desk, "preflight", Preflight("current", verdict="no_go", sentence="Lost."))
         for order in ("arm", "start"):
             assert "preflight: no-go. Lost." in await ordered(page, order)
-        for verdict, state in (("not_shown", "current"), ("go", "current"), ("no_go", "stale"), ("no_go", "none")):
-            monkeypatch.setattr(desk, "preflight", Preflight(state, verdict=verdict))  # which only warns
+        for warning in WARNING:
+            monkeypatch.setattr(desk, "preflight", warning)
             assert not await ordered(page, "arm")
             assert not await ordered(page, "disarm")
         monkeypatch.setattr(desk, "preflight", Preflight("none"))
