@@ -7,6 +7,7 @@ import json
 import threading
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -14,6 +15,7 @@ from firmware_bridge import arming
 from firmware_bridge.dialect.generated.messages import MissionState
 from flight import LinkError, Waypoints, flight_log
 from gcs_web.gateway import page_socket
+from gcs_web.planning import preflown
 from gcs_web.protocol.plan import Preflight
 from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import PATIENCE_S, until
@@ -96,13 +98,24 @@ HEARD: list[tuple[str, dict[str, object]]] = [
 """What the vehicle says of itself, and the item of the list that it makes false."""
 
 
-WARNING = (
-    Preflight("current", verdict="not_shown"),
-    Preflight("current", verdict="go"),
-    Preflight("stale", verdict="no_go"),
-    Preflight("none", verdict="no_go"),
+NO_GO = Preflight("current", verdict="no_go", sentence="Risk about 5 %.", remedy="wait for less wind")
+FORBIDS = (
+    "preflight: no-go. Risk about 5 %. Wait for less wind. Change the plan, or fly its preflight again"
 )
-"""Preflights that keep nothing on the ground."""
+
+
+@pytest.fixture(autouse=True)
+def not_flown(station):
+    """In simulation, but for what a test tells."""
+    yield
+    for file in (station.desk.project.folder / ".session").glob("preflights/*"):
+        file.unlink()
+
+
+def tell(station, found: Preflight, item=None) -> None:
+    """Keep it as that of a plan; of the checked one where none is given."""
+    preflown.save(station.desk.project.folder, item or station.desk.checked(), found)
+    station.desk.show_preflight()
 
 
 def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_climbs(station, monkeypatch):
@@ -127,19 +140,70 @@ def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_
                 assert said.startswith("not armed. "), (item, order, said)
                 assert f"{item}: " in said
         false.clear()
-        monkeypatch.setattr(desk, "preflight", Preflight("current", verdict="no_go", sentence="Lost."))
+        tell(station, NO_GO)
         for order in ("arm", "start"):
-            assert "preflight: no-go. Lost." in await ordered(page, order)
-        for warning in WARNING:
-            monkeypatch.setattr(desk, "preflight", warning)
+            assert FORBIDS in await ordered(page, order)
+        for verdict in ("not_shown", "go"):
+            tell(station, msgspec.structs.replace(NO_GO, verdict=verdict))
             assert not await ordered(page, "arm")
             assert not await ordered(page, "disarm")
-        monkeypatch.setattr(desk, "preflight", Preflight("none"))
         desk.rename("another plan")  # which is not the one that it holds
         assert "holds plan, not this plan; upload it first" in await ordered(page, "start")
         desk.rename("plan")
         assert station.watch.state().mission == "disarmed"
         assert station.watch.link.state.position_world_m[2] == pytest.approx(stands_at_m, abs=0.01)
+
+    visit(station, 2, talk)
+
+
+def test_a_no_go_forbids_the_plan_it_is_of_and_no_other(station):
+    """Nor does it where that plan is no longer there: refused, or too short."""
+    desk = station.desk
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        tell(station, NO_GO)
+        assert FORBIDS in await ordered(page, "arm")
+        assert audited(desk)["preflight"] == {"state": "current", "verdict": "no_go", "sentence": "Risk about 5 %."}
+        below = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, -5.0]])
+        for points, state in ((below, "refused"), (below[:1], "none")):
+            desk.session.take(Waypoints(points, np.full(len(points), np.nan)), "edited", "test")
+            await page.until(lambda p, state=state: p.state["plan"]["state"] == state)
+            assert not await ordered(page, "arm")
+            assert "preflight" not in audited(desk)
+            assert not await ordered(page, "disarm")
+        away = np.array([[0.8, 0.8, 1.0], [5.2, 0.8, 1.2]])
+        desk.session.take(Waypoints(away, np.full(2, np.nan)), "another", "test")
+        await page.checked()
+        assert desk.preflight.state == "stale"
+        assert not await ordered(page, "arm")
+        assert audited(desk)["preflight"] == {"state": "stale"}
+        assert not await ordered(page, "disarm")
+
+    visit(station, 2, talk)
+
+
+def audited(desk) -> dict:
+    """The newest line."""
+    return json.loads((desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()[-1])
+
+
+def test_a_no_go_that_comes_while_the_vehicle_is_read_back_keeps_it_on_the_ground(station, monkeypatch):
+    read_back = station.watch.require_held
+
+    def meanwhile(file, name):
+        read_back(file, name)
+        tell(station, NO_GO, file)
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        monkeypatch.setattr(station.watch, "require_held", meanwhile)
+        assert FORBIDS in await ordered(page, "start")
+        assert station.watch.state().mission == "disarmed"
 
     visit(station, 2, talk)
 
