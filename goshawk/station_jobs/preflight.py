@@ -85,6 +85,7 @@ def _claimed(project: Project, asked: Arguments) -> Path | None:
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Preflight:
     project, item = Project(folder, ""), preflown.taken(folder, asked.plan)
     progress("opening the map", 0.0)
+    flown = preflown.Flown.of(folder, item)
     believed = vehicle.load(project.vehicle)
     like = Like.of([project.flight(asked.like)] if asked.like else [], models={project.vehicle: believed})
     subject = inputs.subject(item, mapping.open_map(project.map), believed, asked.options(like), like)
@@ -94,7 +95,7 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Preflight:
     progress("flights for the picture", 0.0)
     replay = preflight.replay(subject.scenario, result, subject.options, bundle=SHOWN)
     found = told(result, replay, subject)
-    preflown.save(folder, item, found)
+    preflown.save(folder, flown, found)
     return found
 
 

@@ -38,7 +38,8 @@ def tell(
 ) -> None:
     """Keep a preflight of the plan that is checked now."""
     found = Preflight("current", verdict=verdict, sentence="Risk as told.", remedy=remedy, radius_m=0.2, paths=[ASIDE])
-    preflown.save(station.desk.project.folder, station.desk.checked(), found)
+    folder = station.desk.project.folder
+    preflown.save(folder, preflown.Flown.of(folder, station.desk.checked()), found)
     station.desk.show_preflight()
 
 

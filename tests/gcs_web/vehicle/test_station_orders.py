@@ -99,9 +99,7 @@ HEARD: list[tuple[str, dict[str, object]]] = [
 
 
 NO_GO = Preflight("current", verdict="no_go", sentence="Risk about 5 %.", remedy="wait for less wind")
-FORBIDS = (
-    "preflight: no-go. Risk about 5 %. Wait for less wind. Change the plan, or fly its preflight again"
-)
+FORBIDS = "preflight: no-go. Risk about 5 %. Wait for less wind. Change the plan, or fly its preflight again"
 
 
 @pytest.fixture(autouse=True)
@@ -114,7 +112,8 @@ def not_flown(station):
 
 def tell(station, found: Preflight, item=None) -> None:
     """Keep it as that of a plan; of the checked one where none is given."""
-    preflown.save(station.desk.project.folder, item or station.desk.checked(), found)
+    folder = station.desk.project.folder
+    preflown.save(folder, preflown.Flown.of(folder, item or station.desk.checked()), found)
     station.desk.show_preflight()
 
 

@@ -13,6 +13,7 @@ import mapping
 import planner
 import preflight
 import vehicle
+from esdf.storage import EDITS
 from flight import InputError, TrajectoryFile, Waypoints, project, silent
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
@@ -76,18 +77,42 @@ def test_the_worst_come_first_and_their_clearance_is_that_of_the_vehicles_centre
     assert max(max(each.clearance_m) for each in found.paths) <= PLENTY_M
 
 
+def keep(folder: Path, item: TrajectoryFile, found: Preflight) -> None:
+    preflown.save(folder, preflown.Flown.of(folder, item), found)
+
+
 def test_it_is_kept_for_this_plan_map_and_vehicle_and_stale_for_any_other(opened, item, found):
-    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
     assert preflown.of(opened.folder, item) == found
     assert preflown.of(opened.folder, replace(item, name="another name")) == found
+    further = replace(item, trajectory=replace(item.trajectory, durations_s=item.trajectory.durations_s * 1.001))
     for changed, what in (
         (replace(item, map_hash="other"), "the map"),
         (replace(item, vehicle_hash="other"), "the vehicle"),
-        (planned(area, believed, margin_m=0.2), "the plan"),
+        (further, "the plan"),
+        (replace(item, check=dict(item.check) | {"clearance_m": 1.0}), "the plan"),  # told to the vehicle alone
+        (replace(item, check=dict(item.check) | {"conditions": {"ground": 0}}), "the plan"),  # where the ground is
     ):
         other = preflown.of(opened.folder, changed)
         assert (other.state, other.stale, other.paths) == ("stale", what, [])
         assert other.verdict == found.verdict
+
+
+def test_the_same_waypoints_planned_again_are_the_same_plan(opened, item, found):
+    again = planned(mapping.open_map(opened.map), vehicle.load(opened.vehicle))
+    assert preflown.of(opened.folder, again) == found
+
+
+@pytest.mark.parametrize("name", ["report.json", "map.toml", "poses.csv", "visibility.npz", f"esdf/{EDITS}"])
+def test_what_the_map_says_of_itself_counts_though_no_voxel_changes(opened, item, found, tmp_path, name):
+    shutil.copytree(opened.folder, tmp_path / "project")
+    told = tmp_path / "project" / "map" / name
+    told.write_bytes((told.read_bytes() if told.exists() else b"") + b" ")
+    assert preflown.of(tmp_path / "project", item).stale == "the map"
+
+
+def test_another_version_of_the_simulation_is_flown_again(opened, item, found, monkeypatch):
+    monkeypatch.setattr(preflown.metadata, "version", lambda _: "another")
+    assert preflown.of(opened.folder, item).stale == "the simulation"
 
 
 def test_what_follows_a_touch_stays_a_touch():
@@ -120,13 +145,13 @@ def test_of_a_flight_that_diverged_only_the_finite_part_is_kept(tmp_path, item, 
     assert shown.clearance_m == [0.5] * 6
     gone = replace(track, position_world_m=np.full((10, 3), np.nan))
     kept = msgspec.structs.replace(found, paths=[shown, job.path(gone, 0.2, is_worst=False)])
-    preflown.save(tmp_path, item, kept)
+    keep(tmp_path, item, kept)
     assert preflown.of(tmp_path, item) == kept  # JSON has no NaN: it would count as damaged
 
 
 def test_without_any_there_is_none_and_a_damaged_one_counts_as_none(tmp_path, item, found):
     assert preflown.of(tmp_path, item) == Preflight("none")
-    preflown.save(tmp_path, item, found)
+    keep(tmp_path, item, found)
     (file,) = (tmp_path / ".session" / "preflights").iterdir()
     file.write_bytes(file.read_bytes()[:100])
     assert preflown.of(tmp_path, item) == Preflight("none")
@@ -134,7 +159,7 @@ def test_without_any_there_is_none_and_a_damaged_one_counts_as_none(tmp_path, it
 
 def test_no_more_results_and_plans_than_the_newest_are_kept(tmp_path, item, found):
     for number in range(preflown.MOST_KEPT + 3):
-        preflown.save(tmp_path, replace(item, map_hash=f"{number}"), found)
+        keep(tmp_path, replace(item, map_hash=f"{number}"), found)
     for number in range(preflown.MOST_PLANS + 3):
         preflown.put_down(tmp_path, replace(item, map_hash=f"{number}"))
     names = [file.name for file in (tmp_path / ".session" / "preflights").iterdir()]
