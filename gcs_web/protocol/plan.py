@@ -117,14 +117,15 @@ class Draft(State, frozen=True, tag="draft"):
 
 
 class SimulatedFlight(msgspec.Struct, frozen=True):
-    """One flown path of a preflight; all lists are of one length."""
+    """One flown path of a preflight; all lists are of one length, n."""
 
     x_m: list[float]
     y_m: list[float]
     z_m: list[float]
     clearance_m: list[float]
     """Of the vehicle's centre, as that of a plan; `PLENTY_M` where it is more, or nothing is counted (a landing)."""
-    lost: bool
+    ends: int
+    """Index of the sample from which on it touches something, or is lost; n where it does neither."""
     is_worst: bool
     """Among the worst of all flights; else among the first ones, which are any."""
 
@@ -147,9 +148,10 @@ class Preflight(State, frozen=True, tag="preflight"):
     flights: int = 0
     wind_m_s: float = 0.0
     """Largest mean wind of the flights, from anywhere."""
-    gust_std_m_s: float = 0.0
-    radius_m: float = 0.0
-    """Of the sphere that touches something."""
+    assumed: list[str] = []
+    """Sentences on what nobody told, and is not counted."""
+    asked: dict[str, str | int | float] = {}
+    """The job's arguments, to fly it so again."""
     paths: list[SimulatedFlight] = []
     """The worst first; empty where it is not current."""
 

@@ -13,16 +13,16 @@ if TYPE_CHECKING:
     import viser
 
 TOUCHING = (255, 122, 102)
-"""Colour of where a flight touches something; the page's legend has the same."""
+"""Colour of where a flight touches something, or is lost; the page's legend has the same."""
 _THIN_M, _WORST_M = 0.012, 0.028
 """Thickness of the lines of any flights, and of the worst."""
 
 
-def flight_colours(flight: SimulatedFlight, required_m: float, radius_m: float) -> np.ndarray:
-    """By clearance of the vehicle's centre, and in the colour of danger where its sphere touches: (n, 3) uint8."""
-    clearance_m = np.array(flight.clearance_m)
-    touching = (clearance_m < radius_m)[:, None]
-    return np.where(touching, np.array(TOUCHING), drawing.clearance_colours(clearance_m, required_m)).astype(np.uint8)
+def flight_colours(flight: SimulatedFlight, required_m: float) -> np.ndarray:
+    """By clearance of the vehicle's centre, and in the colour of danger once it touches or is lost: (n, 3) uint8."""
+    colours = drawing.clearance_colours(np.array(flight.clearance_m), required_m).astype(np.uint8)
+    colours[flight.ends :] = TOUCHING
+    return colours
 
 
 class FlightsView:
@@ -39,7 +39,7 @@ class FlightsView:
         kinds = (("/flights", _THIN_M, False), ("/flights_worst", _WORST_M, True))
         drawn = [(*kind[:2], [each for each in found.paths if each.is_worst is kind[2]]) for kind in kinds]
         self._lines = [
-            self._line(name, thickness_m, flights, required_m, found.radius_m)
+            self._line(name, thickness_m, flights, required_m)
             for name, thickness_m, flights in drawn
             if any(len(each.x_m) > 1 for each in flights)
         ]
@@ -52,12 +52,10 @@ class FlightsView:
         for line in self._lines:
             line.visible = visible
 
-    def _line(
-        self, name: str, thickness_m: float, flights: Sequence[SimulatedFlight], required_m: float, radius_m: float
-    ) -> Any:
+    def _line(self, name: str, thickness_m: float, flights: Sequence[SimulatedFlight], required_m: float) -> Any:
         """All these flights as one node."""
         pieces = [_pairs(np.stack([each.x_m, each.y_m, each.z_m], axis=1)) for each in flights]
-        colours = [_pairs(flight_colours(each, required_m, radius_m)) for each in flights]
+        colours = [_pairs(flight_colours(each, required_m)) for each in flights]
         return drawing.draw_pieces(
             self._server, np.concatenate(pieces), np.concatenate(colours), name=name, thickness_m=thickness_m
         )

@@ -17,8 +17,10 @@ from gcs_web.desk import Desk
 from gcs_web.jobs.jobs import Choices, Kind
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
+from gcs_web.protocol.wording import for_page
 from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
+from goshawk.commands.preflight.outcome import Outcome
 from preflight import remedies, worst
 from preflight.hidden import together
 from preflight.result import LEAST_FINISHED
@@ -40,6 +42,14 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     risk_percent: Annotated[
         float, msgspec.Meta(title="Risk that is accepted", ge=0.001, le=50.0, extra_json_schema={"unit": "%"})
     ] = 0.1
+    localization_std_m: Annotated[
+        float,
+        msgspec.Meta(title="Lasting error of the pose (0: assumed)", ge=0.0, le=1.0, extra_json_schema={"unit": "m"}),
+    ] = 0.0
+    pose_delay_s: Annotated[
+        float,
+        msgspec.Meta(title="Untold delay of the pose (0: assumed)", ge=0.0, le=0.1, extra_json_schema={"unit": "s"}),
+    ] = 0.0
     flights: Annotated[int, msgspec.Meta(title="Flights (0: as many as it takes)", ge=0, le=1_000_000)] = 0
     plan: Annotated[str, msgspec.Meta(extra_json_schema={"given": True})] = ""
 
@@ -51,6 +61,8 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
             gust_std_m_s=self.gust_std_m_s or told.gust_std_m_s,
             drop_outs_per_s=told.drop_outs_per_s,
             drop_out_s=told.drop_out_s,
+            localization_std_m=self.localization_std_m or None,
+            pose_delay_std_s=self.pose_delay_s or None,
         )
         return preflight.Options(
             self.flights or None, self.risk_percent / 100.0, uncertainty=uncertainty, sensors=told.sensors
@@ -94,12 +106,12 @@ def _run(folder: Path, asked: Arguments, progress: Progress) -> Preflight:
         raise KeyboardInterrupt  # cancelled: what was flown until then is no verdict
     progress("flights for the picture", 0.0)
     replay = preflight.replay(subject.scenario, result, subject.options, bundle=SHOWN)
-    found = told(result, replay, subject)
+    found = told(result, replay, subject, asked)
     preflown.save(folder, flown, found)
     return found
 
 
-def told(result: preflight.Result, replay: preflight.Replay, subject: inputs.Subject) -> Preflight:
+def told(result: preflight.Result, replay: preflight.Replay, subject: inputs.Subject, asked: Arguments) -> Preflight:
     """What the page says and draws of a preflight."""
     air, radius_m = subject.options.uncertainty, subject.radius_m
     decides, remedy = _decides(result)
@@ -111,8 +123,8 @@ def told(result: preflight.Result, replay: preflight.Replay, subject: inputs.Sub
         remedy=remedy,
         flights=result.flights,
         wind_m_s=air.wind_m_s,
-        gust_std_m_s=air.gust_std_m_s,
-        radius_m=radius_m,
+        assumed=[in_words(for_page(each)) for each in Outcome(subject, result).assumed],
+        asked={name: value for name, value in msgspec.structs.asdict(asked).items() if name != "plan"},
         paths=[path(each, radius_m, is_worst=each in replay.worst) for each in (*replay.worst, *replay.bundle)],
     )
 
@@ -175,22 +187,36 @@ def in_words(remedy: str) -> str:
 
 
 def path(track: worst.Track, radius_m: float, *, is_worst: bool) -> SimulatedFlight:
-    """A flight, thinned, but for the moment that matters; what follows a touch is no flight and stays a touch."""
+    """A flight, thinned, but for where it came closest and where it ended."""
     known = np.flatnonzero(np.isfinite(track.position_world_m).all(axis=1))  # not where it diverged
     at = known[np.linspace(0, known.size - 1, min(known.size, SAMPLES)).astype(int)]
-    at = np.union1d(at, known[known == track.moment])
+    ends = min(_ends(track), int(known[-1])) if known.size and (track.touches or track.lost) else len(track.time_s)
+    at = np.union1d(at, known[np.isin(known, (track.moment, ends))])
     places = track.position_world_m[at].round(3)
     clearance_m = np.minimum(np.nan_to_num(track.clearance_m[at] + radius_m, nan=PLENTY_M), PLENTY_M).round(3)
-    if (touches := np.flatnonzero(clearance_m < radius_m)).size:
-        clearance_m[touches[0] :] = np.minimum.accumulate(clearance_m[touches[0] :])
     x_m, y_m, z_m = (cast("list[float]", places[:, axis].tolist()) for axis in range(3))
-    return SimulatedFlight(x_m, y_m, z_m, clearance_m.tolist(), track.lost, is_worst)
+    return SimulatedFlight(x_m, y_m, z_m, clearance_m.tolist(), int(np.searchsorted(at, ends)), is_worst)
+
+
+def _ends(track: worst.Track) -> int:
+    """Index of the sample at which a flight that touches or is lost does so.
+
+    Without a touch that is where its path leaves what the map knows, else the end of what is known of it.
+    """
+    if track.touches:
+        return track.moment
+    nowhere = ~np.isfinite(track.clearance_m)
+    if (off := np.flatnonzero(nowhere & track.on_path)).size:
+        return int(off[0])
+    there = np.flatnonzero(~nowhere)
+    return int(there[-1]) if there.size else 0
 
 
 def _done(desk: Desk, found: Preflight) -> str:
     desk.show_preflight()
     words = {"go": "go", "no_go": "no-go", "not_shown": "not shown"}
-    return f"{words[found.verdict]}. {found.sentence}"
+    of = "" if desk.preflight == found else " for a plan or map of before"
+    return f"{words[found.verdict]}{of}. {found.sentence}"
 
 
 KIND = Kind(

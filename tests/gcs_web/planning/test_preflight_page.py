@@ -5,8 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Literal
 
+import msgspec
+import numpy as np
 import pytest
 
+from flight import Waypoints
 from gcs_web import GroundStation
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import Preflight, SimulatedFlight
@@ -16,7 +19,8 @@ from tests.gcs_web.two_pillars import serving
 from tests.waiting import until as wait
 
 pytestmark = needs_chromium
-ASIDE = SimulatedFlight([0.8, 3.0], [0.8, 2.2], [1.0, 1.2], [0.1, 0.5], lost=True, is_worst=True)
+ASKED = {"wind_m_s": 2.0, "like": "", "risk_percent": 10.0, "flights": 29}
+ASIDE = SimulatedFlight([0.8, 3.0], [0.8, 2.2], [1.0, 1.2], [0.1, 0.5], ends=0, is_worst=True)
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +41,8 @@ def tell(
     station: GroundStation, verdict: Literal["go", "no_go", "not_shown"], remedy: str = "wait for less wind"
 ) -> None:
     """Keep a preflight of the plan that is checked now."""
-    found = Preflight("current", verdict=verdict, sentence="Risk as told.", remedy=remedy, radius_m=0.2, paths=[ASIDE])
+    said = {"sentence": "Risk as told.", "remedy": remedy, "assumed": ["a thing is assumed"], "asked": ASKED}
+    found = Preflight("current", verdict=verdict, paths=[ASIDE], **said)
     folder = station.desk.project.folder
     preflown.save(folder, preflown.Flown.of(folder, station.desk.checked()), found)
     station.desk.show_preflight()
@@ -62,11 +67,8 @@ def test_a_plan_is_flown_in_simulation_seen_by_clearance_and_stale_once_it_is_ed
     wait(lambda: lines.count() == 0, "the layer's end")
     wait(lambda: not any(line.visible for line in station.view._flights._lines), "the end of that in 3D")
     page.get_by_role("checkbox", name="23 simulated flights").check()
-    page.get_by_role("gridcell").nth(2).dblclick()
-    page.keyboard.press("Control+A")
-    page.keyboard.type("1.1")
-    page.keyboard.press("Enter")
-    block(page).get_by_text("Flown for another plan.").wait_for()
+    edit(page)
+    block(page).get_by_text("Flown for another plan: go.").wait_for()
     assert lines.count() == 0
     page.keyboard.press("Control+z")
     block(page).get_by_text(re.compile("29 flights")).wait_for()
@@ -99,6 +101,50 @@ def test_the_list_before_a_flight_warns_where_none_was_flown_and_forbids_a_no_go
     tell(station, "go")
     page.get_by_text("all pass", exact=True).wait_for()
     wait(arm.is_enabled, "an order that may be given again")
+
+
+def without_plan(asked: preflight.Arguments) -> dict[str, object]:
+    return {name: value for name, value in msgspec.structs.asdict(asked).items() if name != "plan"}
+
+
+def edit(page) -> None:
+    """Move the first waypoint."""
+    page.get_by_role("gridcell").nth(2).dblclick()
+    page.keyboard.press("Control+A")
+    page.keyboard.type("1.1")
+    page.keyboard.press("Enter")
+
+
+def test_a_no_go_of_the_plan_before_an_edit_is_still_said(station, page):
+    tell(station, "no_go")
+    block(page).get_by_text("Risk as told.").wait_for()
+    edit(page)
+    block(page).get_by_text("Flown for another plan: no-go.").wait_for()
+    block(page).get_by_text("No-go, stale").wait_for()
+    page.keyboard.press("3")
+    line = page.get_by_role("listitem").filter(has_text="Preflight")
+    line.get_by_text("Flown for another plan: no-go.").wait_for()
+    assert "danger-text" in (line.get_attribute("class") or "")
+
+
+def test_it_is_flown_again_as_it_was_asked_for_and_what_it_assumed_is_told(station, page):
+    tell(station, "go")
+    block(page).get_by_text("Assumed, or not counted").click()
+    block(page).get_by_text("A thing is assumed.").wait_for()
+    block(page).get_by_role("button", name="Fly it again").click()
+    block(page).get_by_text(re.compile(r"10 % is accepted\. 29 flights, wind 2 m/s\.")).wait_for()
+    assert station.desk.preflight.asked == without_plan(preflight.Arguments()) | ASKED
+    tell(station, "not_shown")
+    block(page).get_by_role("button", name="Fly more").click()  # the same flights again would show nothing more
+    form = page.get_by_role("form", name="Preflight of the plan")
+    assert form.get_by_role("textbox", name="Risk that is accepted").input_value() == "10"
+
+
+def test_without_a_checked_plan_the_list_says_so(station, page):
+    below = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, -5.0]])
+    station.desk.session.take(Waypoints(below, np.full(2, np.nan)), "below", "test")
+    page.keyboard.press("3")
+    page.get_by_role("listitem").filter(has_text="There is no checked plan to fly in simulation.").wait_for()
 
 
 @pytest.mark.parametrize("width", [1280, 360])

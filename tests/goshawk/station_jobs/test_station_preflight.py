@@ -71,9 +71,8 @@ def test_the_worst_come_first_and_their_clearance_is_that_of_the_vehicles_centre
     result = preflight.fly(subject.scenario, subject.options)
     assert [each.is_worst for each in found.paths] == [True] * 3 + [False] * job.SHOWN
     assert all(len(each.x_m) == len(each.clearance_m) <= job.SAMPLES + 1 for each in found.paths)
-    assert found.radius_m == subject.radius_m
     least_m = min(found.paths[0].clearance_m)
-    assert least_m - found.radius_m == pytest.approx(result.record.clearance_m.min(), abs=1e-3)
+    assert least_m - subject.radius_m == pytest.approx(result.record.clearance_m.min(), abs=1e-3)
     assert max(max(each.clearance_m) for each in found.paths) <= PLENTY_M
 
 
@@ -115,21 +114,45 @@ def test_another_version_of_the_simulation_is_flown_again(opened, item, found, m
     assert preflown.of(opened.folder, item).stale == "the simulation"
 
 
-def test_what_follows_a_touch_stays_a_touch():
-    count = 200
-    clearance_m = np.full(count, np.inf)
-    clearance_m[101:150] = -0.05
-    steps = np.arange(float(count))
+def flight(clearance_m, *, lost: bool, moment: int = 0, on_path=True) -> worst.Track:
+    """Along x, a metre a sample."""
+    clearance_m = np.asarray(clearance_m, dtype=np.float64)
+    steps = np.arange(float(clearance_m.size))
     line_m = np.stack([steps, 0.0 * steps, 0.0 * steps], axis=1)
-    track = worst.Track(
-        7, 0.01 * steps, 0.01 * steps, np.full(count, True), line_m, clearance_m, np.zeros(count),
-        lost=True, moment=101, surface_world_m=None,
-    )  # fmt: skip
-    shown = job.path(track, 0.2, is_worst=True)
-    first = next(i for i, each in enumerate(shown.clearance_m) if each < 0.2)
-    assert shown.clearance_m[:first] == [PLENTY_M] * first
-    assert shown.clearance_m[first:] == [0.15] * (len(shown.x_m) - first)
-    assert shown.x_m[first] == 101.0  # the moment that matters is kept
+    on_path = np.broadcast_to(on_path, steps.shape)
+    return worst.Track(
+        7, steps, steps, on_path, line_m, clearance_m, 0.0 * steps, lost=lost, moment=moment, surface_world_m=None
+    )
+
+
+def red(track: worst.Track, radius_m: float = 0.2) -> list[float]:
+    """Where it is drawn so, x in m."""
+    shown = job.path(track, radius_m, is_worst=True)
+    colours = flight_colours(shown, required_m=0.35).tolist()
+    return [x for x, colour in zip(shown.x_m, colours, strict=True) if colour == list(TOUCHING)]
+
+
+def test_a_flight_is_red_from_its_first_touch_on():
+    clearance_m = np.full(200, np.inf)
+    clearance_m[101:150] = -0.05
+    drawn = red(flight(clearance_m, lost=True, moment=101))
+    assert drawn[0] == 101.0  # which thinning keeps
+    assert drawn[-1] == 199.0
+
+
+@pytest.mark.parametrize("radius_m", [0.2, 0.2353])
+def test_a_touch_is_judged_before_anything_is_rounded(radius_m):
+    assert red(flight([0.3, 1e-4, 0.3, 0.3], lost=False, moment=1), radius_m) == []
+    assert red(flight([0.3, -3e-4, 0.3, 0.3], lost=True, moment=1), radius_m) == [1.0, 2.0, 3.0]
+
+
+def test_a_flight_that_is_lost_without_a_touch_is_red_where_it_leaves_the_map_or_ends():
+    inf = np.inf
+    assert red(flight([0.4, 0.4, 0.4, inf, inf, 0.4], lost=True)) == [3.0, 4.0, 5.0]
+    assert red(flight([0.4, 0.3, 0.2, 0.1], lost=True, moment=3)) == [3.0]
+    down = flight([0.4, 0.3, inf, inf], lost=True, on_path=[True, True, False, False])
+    assert red(down) == [1.0, 2.0, 3.0]
+    assert red(replace(down, lost=False)) == []  # a landing
 
 
 def test_of_a_flight_that_diverged_only_the_finite_part_is_kept(tmp_path, item, found):
@@ -143,6 +166,7 @@ def test_of_a_flight_that_diverged_only_the_finite_part_is_kept(tmp_path, item, 
     shown = job.path(track, 0.2, is_worst=True)
     assert shown.x_m == shown.z_m == [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]
     assert shown.clearance_m == [0.5] * 6
+    assert shown.ends == 5
     gone = replace(track, position_world_m=np.full((10, 3), np.nan))
     kept = msgspec.structs.replace(found, paths=[shown, job.path(gone, 0.2, is_worst=False)])
     keep(tmp_path, item, kept)
@@ -231,7 +255,7 @@ def test_what_the_map_may_have_missed_has_its_own_remedy(opened, item):
     options = replace(subject.options, hidden=thing)
     result = preflight.fly(subject.scenario, options)
     hides = job.told(
-        result, preflight.replay(subject.scenario, result, options, bundle=1), replace(subject, options=options)
+        result, preflight.replay(subject.scenario, result, options, bundle=1), replace(subject, options=options), FEW
     )
     assert hides.verdict == "no_go"
     assert hides.sentence.startswith("The map may miss a thing in the way: 30 %; 10 % is accepted.")
@@ -247,12 +271,23 @@ def test_wind_gusts_and_risk_reach_the_flights_in_their_units():
     assert Arguments().options() == preflight.Options()
 
 
-def test_a_simulated_flight_is_yellow_at_the_limit_and_red_only_where_it_touches():
-    flight = SimulatedFlight([0.0] * 4, [0.0] * 4, [0.0] * 4, [0.19, 0.2, 0.35, 5.0], lost=True, is_worst=True)
-    touching, near, limit, far = flight_colours(flight, required_m=0.35, radius_m=0.2).tolist()
-    assert touching == list(TOUCHING)
+def test_a_simulated_flight_is_yellow_up_to_the_limit_and_red_once_it_ends():
+    shown = SimulatedFlight([0.0] * 4, [0.0] * 4, [0.0] * 4, [0.2, 0.35, 5.0, 5.0], ends=3, is_worst=True)
+    near, limit, far, ended = flight_colours(shown, required_m=0.35).tolist()
     assert near == limit == [253, 231, 36]
-    assert far != near
+    assert ended == list(TOUCHING)
+    assert far not in (near, ended)
+
+
+def test_what_nobody_told_is_said_beside_the_verdict(found):
+    assert "what the map misses is not counted: it states no probabilities" in found.assumed
+    assert not [each for each in found.assumed if "--" in each]
+
+
+def test_it_can_be_flown_again_as_it_was_asked(found):
+    again = msgspec.convert(found.asked, Arguments)
+    assert again == FEW
+    assert "plan" not in found.asked
 
 
 def test_the_form_asks_for_no_plan_and_the_station_offers_it():

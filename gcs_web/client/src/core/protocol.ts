@@ -448,7 +448,7 @@ export interface ForeseeJob {
   type: "foresee_job";
   serial: number;
   kind: string;
-  arguments: Record<string, string | number | number | boolean | string[]>;
+  arguments: Record<string, string | number | boolean | string[]>;
 }
 
 export interface ForgetJob {
@@ -943,8 +943,8 @@ export interface Preflight {
   remedy: string;
   flights: number;
   wind_m_s: number;
-  gust_std_m_s: number;
-  radius_m: number;
+  assumed: string[];
+  asked: Record<string, string | number>;
   paths: SimulatedFlight[];
 }
 
@@ -1321,7 +1321,7 @@ export interface SimulatedFlight {
   y_m: number[];
   z_m: number[];
   clearance_m: number[];
-  lost: boolean;
+  ends: number;
   is_worst: boolean;
 }
 
@@ -1373,7 +1373,7 @@ export interface StartJob {
   type: "start_job";
   serial: number;
   kind: string;
-  arguments: Record<string, string | number | number | boolean | string[]>;
+  arguments: Record<string, string | number | boolean | string[]>;
 }
 
 export interface Stream {

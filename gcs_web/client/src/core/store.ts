@@ -27,8 +27,8 @@ const preflightTold = newest("preflight", {
   remedy: "",
   flights: 0,
   wind_m_s: 0,
-  gust_std_m_s: 0,
-  radius_m: 0,
+  assumed: [],
+  asked: {},
   paths: [],
 });
 /** Height of the world in 3D views at the points looked at, by the views' names. */

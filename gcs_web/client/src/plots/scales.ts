@@ -29,7 +29,7 @@ export const CIVIDIS = [
   "#fde737",
 ] as const;
 
-/** Where a simulated flight touches something. */
+/** Where a simulated flight touches something, or is lost. */
 export const TOUCHING = "#ff7a66";
 
 /** From the most negative to the most positive value, zero in the middle. */

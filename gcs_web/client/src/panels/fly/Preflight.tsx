@@ -21,28 +21,30 @@ const isRunning = computed(() =>
 /** Whether the checked plan's own preflight is a go. */
 export const isFlownInSimulation = computed(() => preflight.value?.state === "current" && preflight.value.verdict === "go");
 
-/** In the conditions of the last one. */
-const conditions = computed(() => {
-  const { wind_m_s = 0, gust_std_m_s = 0 } = preflight.value ?? {};
-  return { wind_m_s, gust_std_m_s };
-});
+/** As the last one was asked for. */
+const asked = computed(() => preflight.value?.asked ?? {});
+
+/** Its flights leave the verdict open: the same ones again would, too. */
+const isNotShown = computed(() => preflight.value?.state === "current" && preflight.value.verdict === "not_shown");
 
 async function start(): Promise<void> {
-  const { error } = await send({ type: "start_job", kind: KIND, arguments: conditions.value });
+  const { error } = await send({ type: "start_job", kind: KIND, arguments: asked.value });
   if (error !== "") announce(error, "danger");
 }
 
 const WORDS = { go: "Go", no_go: "No-go", not_shown: "Not shown" } as const;
 
 function badge({ state, verdict: found }: Preflight): { tone: Tone; word: string } {
+  if (state === "stale" && found === "no_go") return { tone: "danger", word: "No-go, stale" };
   if (state !== "current") return { tone: "caution", word: state === "none" ? "Not flown" : "Stale" };
   return { tone: found === "go" ? "neutral" : found === "no_go" ? "danger" : "caution", word: WORDS[found] };
 }
 
-function finding({ state, stale, sentence }: Preflight): string {
+function finding({ state, stale, verdict: found, sentence }: Preflight): string {
   if (state === "none") return "Not flown yet.";
   if (state === "current") return sentence;
-  return stale === "the plan" ? "Flown for another plan." : `${sentenceCase(stale)} changed since it was flown.`;
+  const what = stale === "the plan" ? "Flown for another plan" : `${sentenceCase(stale)} changed since it was flown`;
+  return `${what}: ${WORDS[found].toLowerCase()}.`;
 }
 
 /** On the step Plan, below the verdict. */
@@ -69,7 +71,7 @@ export function PreflightBlock() {
   );
 }
 
-function Why({ found: { decides, remedy } }: { found: Preflight }) {
+function Why({ found: { decides, remedy, assumed } }: { found: Preflight }) {
   return (
     <>
       {decides !== "" && (
@@ -82,26 +84,40 @@ function Why({ found: { decides, remedy } }: { found: Preflight }) {
           <Said text={`${sentenceCase(remedy)}.`} />
         </p>
       )}
+      {assumed.length > 0 && (
+        <details>
+          <summary>Assumed, or not counted</summary>
+          <ul>
+            {assumed.map((each) => (
+              <li key={each} class="quiet">
+                <Said text={`${sentenceCase(each)}.`} />
+              </li>
+            ))}
+          </ul>
+        </details>
+      )}
     </>
   );
 }
 
-/** Starts it in the conditions of the last one, or opens the form of others; how far it is. */
+/** Starts it as the last one was asked for, or opens the form of others; how far it is. */
 function Begin({ name }: { name: string }) {
   if (kind.value === null) return null;
   if (chosenKind.value === KIND) {
-    return <JobForm kinds={[kind.value]} first={conditions.value} onDone={() => (chosenKind.value = null)} />;
+    return <JobForm kinds={[kind.value]} first={asked.value} onDone={() => (chosenKind.value = null)} />;
   }
   return (
     <>
       <JobRows kinds={[KIND]} open />
       {!isRunning.value && (
         <div class="acts-row">
-          <button type="button" class="control grow" disabled={!connected.value} onClick={() => void start()}>
-            {name}
-          </button>
+          {!isNotShown.value && (
+            <button type="button" class="control grow" disabled={!connected.value} onClick={() => void start()}>
+              {name}
+            </button>
+          )}
           <button type="button" class="control" disabled={!connected.value} onClick={() => (chosenKind.value = KIND)}>
-            Wind and risk
+            {isNotShown.value ? "Fly more" : "Wind and risk"}
           </button>
         </div>
       )}
@@ -135,10 +151,20 @@ export function NotTold() {
 /** In the list before a flight: a no-go forbids it, one that was not flown does not. */
 export function PreflightLine() {
   const found = preflight.value;
-  if (found === null) return null;
+  if (found === null) {
+    return (
+      <li class="caution-text">
+        <Icon name="warning" />
+        <span class="visually-hidden">caution</span>
+        <span>
+          <b>Preflight</b> There is no checked plan to fly in simulation.
+        </span>
+      </li>
+    );
+  }
   const passed = isFlownInSimulation.value;
   return (
-    <li class={passed ? "" : isNoGo.value ? "danger-text" : "caution-text"}>
+    <li class={passed ? "" : badge(found).tone === "danger" ? "danger-text" : "caution-text"}>
       <Icon name={passed ? "check" : "warning"} />
       <span class="visually-hidden">{passed ? "passed" : isNoGo.value ? "failed" : "caution"}</span>
       <span>

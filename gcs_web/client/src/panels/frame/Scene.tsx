@@ -177,7 +177,7 @@ function SimulatedLegend() {
       {areShown && (
         <p class="legend-ends quiet">
           <span>by clearance; thick: the worst</span>
-          <span class="touching-key">touching</span>
+          <span class="touching-key">touches, lost</span>
         </p>
       )}
     </div>

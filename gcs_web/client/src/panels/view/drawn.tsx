@@ -51,12 +51,12 @@ export function Path() {
 
 /** Made once for each preflight: the view is drawn anew with every word of the vehicle. */
 const simulated = computed(() => {
-  const { paths = [], radius_m = 0 } = preflight.value ?? {};
+  const { paths = [] } = preflight.value ?? {};
   const required_m = figures.value?.required_clearance_m ?? 0;
   return (
     <g class="simulated-flights">
-      {paths.toReversed().map(({ x_m, y_m, clearance_m, is_worst }, at) => {
-        const colours = clearance_m.map((each) => (each < radius_m ? TOUCHING : clearanceColour(each, required_m)));
+      {paths.toReversed().map(({ x_m, y_m, clearance_m, ends, is_worst }, at) => {
+        const colours = clearance_m.map((each, i) => (i >= ends ? TOUCHING : clearanceColour(each, required_m)));
         return (
           <g key={at} class={is_worst ? "worst" : ""}>
             {pieces(colours).map(([from, to]) => (
