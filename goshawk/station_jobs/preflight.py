@@ -215,8 +215,8 @@ def _ends(track: worst.Track) -> int:
 def _done(desk: Desk, found: Preflight) -> str:
     desk.show_preflight()
     words = {"go": "go", "no_go": "no-go", "not_shown": "not shown"}
-    of = "" if desk.preflight == found else " for a plan or map of before"
-    return f"{words[found.verdict]}{of}. {found.sentence}"
+    of = "" if desk.preflight == found else "of an earlier plan or map: "
+    return f"{of}{words[found.verdict]}. {found.sentence}"
 
 
 KIND = Kind(

@@ -121,6 +121,8 @@ def test_a_no_go_of_the_plan_before_an_edit_is_still_said(station, page):
     edit(page)
     block(page).get_by_text("Flown for another plan: no-go.").wait_for()
     block(page).get_by_text("No-go, stale").wait_for()
+    ended = Preflight("current", verdict="go", sentence="Risk as told.")  # of the plan before, meanwhile
+    assert preflight.KIND.done(station.desk, ended) == "of an earlier plan or map: go. Risk as told."
     page.keyboard.press("3")
     line = page.get_by_role("listitem").filter(has_text="Preflight")
     line.get_by_text("Flown for another plan: no-go.").wait_for()

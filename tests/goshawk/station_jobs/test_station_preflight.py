@@ -14,11 +14,13 @@ import planner
 import preflight
 import vehicle
 from esdf.storage import EDITS
+from firmware_bridge.sitl_vehicle import Sensors
 from flight import InputError, TrajectoryFile, Waypoints, project, silent
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
 from gcs_web.scene.flights_view import TOUCHING, flight_colours
 from goshawk.commands.preflight import inputs
+from goshawk.commands.preflight.like import Like
 from goshawk.station_jobs import KINDS
 from goshawk.station_jobs import preflight as job
 from goshawk.station_jobs.preflight import Arguments
@@ -193,11 +195,12 @@ def test_no_more_results_and_plans_than_the_newest_are_kept(tmp_path, item, foun
     assert preflown.of(tmp_path, newest).state == "current"
 
 
-def test_what_was_cancelled_leaves_no_verdict(opened, item, monkeypatch):
+@pytest.mark.parametrize("ended", [{"wanted": 1000}, {"unexplained": True}])
+def test_what_was_cancelled_leaves_no_verdict(opened, item, monkeypatch, ended):
     flown = preflight.fly
 
     def cut_off(scenario, options, *, progress):
-        return replace(flown(scenario, options), wanted=1000)
+        return replace(flown(scenario, options), **ended)
 
     monkeypatch.setattr(preflight, "fly", cut_off)
     other = replace(item, name="cut off")
@@ -269,6 +272,28 @@ def test_wind_gusts_and_risk_reach_the_flights_in_their_units():
     assert options.uncertainty.wind_direction is None
     assert (options.risk, options.flights) == (0.01, 7)
     assert Arguments().options() == preflight.Options()
+
+
+def test_a_flights_wind_gaps_and_noise_are_flown_but_for_a_wind_that_is_given():
+    noisy = replace(Sensors.typical(), position_std_m=0.05)
+    like = Like(0.5, 0.4, 2.0, 0.6, 0.7, noisy)
+    as_flown, windier = Arguments().options(like), Arguments(wind_m_s=3.0, gust_std_m_s=1.5).options(like)
+    for options in (as_flown, windier):
+        assert (options.uncertainty.drop_outs_per_s, options.uncertainty.drop_out_s) == (0.5, 0.4)
+        assert options.sensors == noisy
+    air = as_flown.uncertainty
+    assert (air.wind_m_s, air.wind_spread_ratio, air.gust_std_m_s) == (2.0, 0.6, 0.7)
+    assert (windier.uncertainty.wind_m_s, windier.uncertainty.gust_std_m_s) == (3.0, 1.5)
+
+
+def test_the_poses_error_and_delay_of_the_form_are_flown():
+    air = Arguments(localization_std_m=0.01, pose_delay_s=0.002).options().uncertainty
+    assert (air.localization_std_m, air.pose_delay_std_s) == (0.01, 0.002)
+
+
+def test_a_flight_that_is_not_there_is_no_flight_to_be_like(opened):
+    with pytest.raises(InputError, match="there is no flight 'gone'"):
+        job.KIND.check(opened, Arguments(like="gone"))
 
 
 def test_a_simulated_flight_is_yellow_up_to_the_limit_and_red_once_it_ends():
