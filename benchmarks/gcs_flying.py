@@ -10,6 +10,7 @@ Wall times are of the machine as busy as it is.
 
 import asyncio
 import contextlib
+import math
 import subprocess
 import sys
 import tempfile
@@ -31,7 +32,9 @@ from gcs_web import GroundStation
 
 FLIGHTS, RESTARTS, ORDERS = 12, 3, 10
 _ENDS = ("abort", "kill", "lost")
-_AGAIN_S, _PATIENCE_S = 0.5, 900.0
+_BY_ANYBODY = ("abort", "kill")
+"""Orders that need neither control nor a nonce."""
+_AGAIN_S, _PATIENCE_S, _BACK_WITHIN_S = 0.5, 900.0, 120.0
 _LINE = np.array([[15.0, 6.0, 1.2], [14.3, 9.5, 1.6], [10.0, 10.9, 1.2]])
 
 
@@ -104,7 +107,13 @@ def to_the_wire(folder: Path) -> list[Row]:
         waits = asyncio.run(acts(station, sent_s))
     worst_s = max(waits)
     return [
-        row(f"pause, resume, land: page to the wire, worst of {len(waits)}", worst_s, "s", "<= 0.1", worst_s <= 0.1)
+        row(
+            f"pause, resume, land, abort, kill: page to the wire, worst of {len(waits)}",
+            worst_s,
+            "s",
+            "<= 0.1",
+            worst_s <= 0.1,
+        )
     ]
 
 
@@ -113,12 +122,13 @@ async def acts(station: GroundStation, sent_s: list[float]) -> list[float]:
     async with page(station.url) as of:
         await in_the_air(of)
         with heard_commands(sent_s):
-            for order in [*("pause", "resume") * (ORDERS // 2), "land"]:
-                nonce = (await of.asked("prepare_order"))["nonce"]
+            for order in [*("pause", "resume") * (ORDERS // 2), "land", "abort", "kill"]:
+                ordered = order not in _BY_ANYBODY
+                nonce = (await of.asked("prepare_order"))["nonce"] if ordered else ""
                 sent_s.clear()
                 begun_s = time.perf_counter()
-                await of.command("order", order=order, nonce=nonce)
-                waits.append(sent_s[0] - begun_s)
+                await (of.command("order", order=order, nonce=nonce) if ordered else of.command(order))
+                waits.append((sent_s or [math.inf])[0] - begun_s)
     return waits
 
 
@@ -152,7 +162,13 @@ def restarted_in_flight(folder: Path, count: int) -> list[Row]:
         aborted += done
     back_s, start_s = max(backs_s), max(started_s)
     return [
-        row(f"page back after the station listens again, worst of {count}", back_s, "s", "<= 3", back_s <= 3.0),
+        row(
+            f"page back after the station listens again (its start not counted), worst of {count}",
+            back_s,
+            "s",
+            "<= 3",
+            back_s <= 3.0,
+        ),
         row("start of the station's process until it listens, worst", start_s, "s"),
         row("Abort heard after the restart", aborted, "", f"{count}", aborted == count),
     ]
@@ -182,7 +198,7 @@ async def restarted(command: list[str]) -> tuple[float, float, bool]:
 
 async def back(browser: aiohttp.ClientSession, origin: str, listens_s: float) -> tuple[float, bool]:
     """Seconds since the station listened, and whether Abort was heard: a slow start finds the vehicle landed."""
-    while True:
+    while time.perf_counter() - listens_s < _BACK_WITHIN_S:
         try:
             async with browser.ws_connect(f"{origin}/ws", headers={"Origin": origin}, max_msg_size=0) as socket:
                 of = Page(socket)
@@ -194,6 +210,7 @@ async def back(browser: aiohttp.ClientSession, origin: str, listens_s: float) ->
                 return back_s, True
         except aiohttp.ClientError:
             await asyncio.sleep(_AGAIN_S)
+    return math.inf, False
 
 
 def started(command: list[str]) -> tuple[subprocess.Popen[str], str]:

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import msgspec
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 import mapping
 import planner
@@ -116,14 +117,14 @@ def test_another_version_of_the_simulation_is_flown_again(opened, item, found, m
     assert preflown.of(opened.folder, item).stale == "the simulation"
 
 
-def flight(clearance_m, *, lost: bool, moment: int = 0, on_path=True) -> worst.Track:
+def flight(clearance_m, *, lost: bool, moment: int = 0, on_path: ArrayLike = True) -> worst.Track:
     """Along x, a metre a sample."""
     clearance_m = np.asarray(clearance_m, dtype=np.float64)
     steps = np.arange(float(clearance_m.size))
     line_m = np.stack([steps, 0.0 * steps, 0.0 * steps], axis=1)
-    on_path = np.broadcast_to(on_path, steps.shape)
+    follows = np.broadcast_to(np.asarray(on_path, dtype=np.bool_), steps.shape)
     return worst.Track(
-        7, steps, steps, on_path, line_m, clearance_m, 0.0 * steps, lost=lost, moment=moment, surface_world_m=None
+        7, steps, steps, follows, line_m, clearance_m, 0.0 * steps, lost=lost, moment=moment, surface_world_m=None
     )
 
 
