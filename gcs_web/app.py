@@ -32,7 +32,7 @@ from gcs_web.protocol.base import Edit
 from gcs_web.protocol.document import Insert, Move
 from gcs_web.protocol.people import Invitation, InvitationEnded, Person
 from gcs_web.protocol.vehicle import Vehicle
-from gcs_web.protocol.view import Cursor, Selection
+from gcs_web.protocol.view import Cursor, Selection, ViewScales
 from gcs_web.vehicle import discovery
 from gcs_web.vehicle.foreign import NewFlyer
 from gcs_web.vehicle.foreign_watch import ForeignWatch
@@ -193,6 +193,7 @@ class GroundStation:
         self.view.on_select = lambda waypoint: self._selected([waypoint])
         self.view.on_box = self._selected
         self.view.on_moment = self._moment_chosen
+        self.view.on_scales = lambda heights_m: self.hub.publish(ViewScales(heights_m))
         self.view.on_drag, self.view.on_add, self.view.on_pull = self._dragged, self._added, self.desk.draft
         self.hub.publish(Vehicle("none"))
         self._stack.callback(self.desk.listen_to, "")

@@ -25,12 +25,12 @@ from gcs_web.jobs.jobs import Jobs, Kind
 from gcs_web.learning.consent import Consent
 from gcs_web.learning.learning import Learning
 from gcs_web.map.map_desk import MapDesk
-from gcs_web.planning import inputs, page_values, planning, saved, snapping
+from gcs_web.planning import inputs, page_values, planning, preflown, saved, snapping
 from gcs_web.protocol import flights as flights_messages
 from gcs_web.protocol.consent import EffectFiles
 from gcs_web.protocol.jobs import Job
 from gcs_web.protocol.people import Invitation, Level, Notice, Person
-from gcs_web.protocol.plan import Plan
+from gcs_web.protocol.plan import Plan, Preflight
 from gcs_web.protocol.projects import Projects
 from gcs_web.protocol.trajectories import Files
 from gcs_web.protocol.vehicle import FoundVehicle, Vehicle
@@ -84,6 +84,8 @@ class Desk:
         self.name = "plan"
         """Of the trajectory that the plan would be saved and uploaded as."""
         self.answer: planning.Answer | None = None
+        self.preflight = Preflight("none")
+        """Of the plan that was checked last."""
         self._as_saved: tuple[Content, TrajectoryFile] | None = None
         """A saved trajectory that was opened, and the document of which it is the plan."""
         self._map_edits: tuple[tuple[MapEdit, ...], str] = ((), "")
@@ -102,6 +104,7 @@ class Desk:
             lambda kind, result: kind.done(self, result),
             self._job_ended,
             lambda kind, address: kind.beside(self, address) if kind.beside is not None else lambda: None,
+            lambda kind: kind.given(self) if kind.given is not None else {},
         )
         self.flights = Flights(opened, self._flights_changed)
         self.comparing = Comparing(opened, self.flights, view.flights)
@@ -361,8 +364,19 @@ class Desk:
         crc32 = ""
         if self.answer is not None and self.answer.file is not None and plan.state == "checked":
             crc32 = page_values.crc32(replace(self.answer.file, name=self.name))
+            self.show_preflight()
         self.hub.publish(msgspec.structs.replace(plan, name=self.name, crc32=crc32))
         self.view.draw_plan(plan.series if plan.state == "checked" else None, is_coming=plan.state == "planning")
+
+    def show_preflight(self) -> None:
+        """Of the plan that was checked last: as it is kept now."""
+        with self._lock:
+            item = None if self.answer is None else self.answer.file
+            found = Preflight("none") if item is None else preflown.of(self.project.folder, item)
+            if found != self.preflight:
+                self.preflight = found
+                self.hub.publish(found)
+                self.view.draw_flights(found)
 
     def rename(self, name: str) -> None:
         """Give the plan another name; its CRC, which covers the name, changes with it."""

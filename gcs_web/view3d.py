@@ -16,9 +16,10 @@ from gcs_web.document import missions
 from gcs_web.document.document import Content, Point, Settings
 from gcs_web.map.map_view import MapView
 from gcs_web.map.mesh_view import MeshView
-from gcs_web.protocol.plan import Draft, Series
+from gcs_web.protocol.plan import Draft, Preflight, Series
 from gcs_web.protocol.view import Colour
 from gcs_web.scene import course_view, drawing, picking
+from gcs_web.scene.flights_view import FlightsView
 from gcs_web.vehicle.vehicle_view import VehicleView
 from mapping import Map
 
@@ -26,12 +27,16 @@ if TYPE_CHECKING:
     import viser
 
 _BALL_M = 0.05
+_THICK_M, _THIN_M = 0.06, 0.02
+"""The path, and among the preflight's flights, which would be inside it."""
 _STAND_OFF_M = 0.2
 """Beyond the required clearance, for a waypoint that is placed by a click."""
 _PLAIN_LIGHT = 1.0
 """From all sides alike, which costs nothing, in place of the environment."""
-_MOST_PLAIN_VIEWS = 64
-"""That are remembered; those that asked long ago go first."""
+_MOST_VIEWS = 64
+"""That are remembered; those that asked or moved long ago go first."""
+_SAME_SCALE = 0.01
+"""Change of a view's height that is told."""
 _WHITE, _SELECTED, _GREY, _CAUTION = (233, 237, 240), (121, 176, 255), (120, 120, 120), (240, 184, 73)
 _GRID = (60, 70, 78), (100, 110, 118)
 """Lines a metre and five apart, where there is no map."""
@@ -62,6 +67,8 @@ class View3D:
         self._required_m = 0.0
         self._colour: Colour = "clearance"
         self._path: Any = None
+        self._flights, self._flights_shown = FlightsView(server), True
+        self._flights_found = Preflight("none")
         self.map = MapView(server, MeshView(server, triangles, cache, progress), cache)
         self.map.mesh.plain_of = lambda client: self.plain_views.get(self._view_of(client))
         self._has_map = False
@@ -85,6 +92,7 @@ class View3D:
         """By browser (viser's id): the waypoint that is dragged there."""
         self._draft: Any = None
         self._recorded: Any = None
+        self._heights_m: dict[str, float] = {}
         self.on_select: Callable[[int], None] = lambda _: None
         """A waypoint was clicked; its id."""
         self.on_drag: Callable[[int, FloatArray], None] = lambda _i, _p: None
@@ -99,6 +107,8 @@ class View3D:
         """The map was shift-clicked: the waypoint to insert after (None: there is none), and where, (3,) world."""
         self.on_box: Callable[[list[int]], None] = lambda _: None
         """A rectangle was drawn round these waypoints (ids)."""
+        self.on_scales: Callable[[dict[str, float]], None] = lambda _: None
+        """Heights of the world in pages' 3D views at the points looked at, m, by the views' names; one has changed."""
         server.scene.on_click()(self._clicked)
         server.scene.on_rect_select(modifier="cmd/ctrl")(self._boxed)
         server.scene.on_click(modifier="shift")(self._shift_clicked)
@@ -140,7 +150,7 @@ class View3D:
                 self._server.scene.add_light_ambient("/plain_light", intensity=_PLAIN_LIGHT)  # else walls are black
             self.plain_views.pop(view, None)
             self.plain_views[view] = triangles
-            while len(self.plain_views) > _MOST_PLAIN_VIEWS:
+            while len(self.plain_views) > _MOST_VIEWS:
                 del self.plain_views[next(iter(self.plain_views))]
         self.map.mesh.simplify([client.client_id for client in self.vehicle.browsers_of(view)], triangles)
 
@@ -217,7 +227,10 @@ class View3D:
     def require_clearance(self, required_m: float) -> None:
         """Take what the document asks of a path: waypoints are placed and colours scaled by it from now on."""
         with self._lock:
-            self._required_m = required_m
+            if required_m != self._required_m:
+                self._required_m = required_m
+                self._flights.draw(self._flights_found, required_m)
+                self._draw_path()
         self.map.require_clearance(required_m)
 
     def draw_plan(self, series: Series | None, *, is_coming: bool = False) -> None:
@@ -286,10 +299,23 @@ class View3D:
             self._ghost.wxyz = tuple(series.q_world_body[4 * k : 4 * k + 4])
             self._ghost.visible = True
 
-    def show(self, colour: Colour) -> None:
+    def show(self, colour: Colour, *, flights: bool = True) -> None:
+        """`flights`: whether those of the preflight are drawn."""
         with self._lock:
-            self._colour = colour
+            self._colour, self._flights_shown = colour, flights
             self._draw_path()
+
+    def draw_flights(self, found: Preflight) -> None:
+        """Draw the flights of the checked plan's preflight in the place of those before."""
+        with self._lock, self._server.atomic():
+            self._flights_found = found
+            self._flights.draw(found, self._required_m)
+            self._draw_path()
+
+    def _show_flights(self) -> None:
+        """Only beside the plan that they are of."""
+        current = self._checked and self._draft is None and not self._set_aside
+        self._flights.set_visible(self._flights_shown and current)
 
     def _ball(self, point: Point) -> Any:
         if point.id not in self._balls:
@@ -384,6 +410,7 @@ class View3D:
         self.on_add(None if before is None else before.id, placed_m)
 
     def _draw_path(self) -> None:
+        self._show_flights()
         if self._path is not None:
             self._path.remove()
             self._path = None
@@ -394,7 +421,8 @@ class View3D:
         is_current = self._checked and self._draft is None
         grey = np.full((len(positions), 3), _GREY, dtype=np.uint8)
         colours = drawing.series_colours(series, self._colour, self._required_m) if is_current else grey
-        self._path = drawing.draw_path(self._server, positions, colours)
+        thickness_m = _THIN_M if self._flights.visible else _THICK_M
+        self._path = drawing.draw_path(self._server, positions, colours, thickness_m=thickness_m)
 
     def _look_at(self, low: FloatArray, high: FloatArray) -> None:
         """Look at the middle of a box (world, m) from behind and above, high enough to see over the walls."""
@@ -405,8 +433,20 @@ class View3D:
 
     def _browser_came(self, client: "viser.ClientHandle") -> None:
         self._aim_camera(client)
-        client.camera.on_update(lambda _: self.vehicle.browser_looked(client))
+        client.camera.on_update(lambda _: self._browser_looked(client))
         self.vehicle.browser_came(client, self._view_of(client))
+
+    def _browser_looked(self, client: "viser.ClientHandle") -> None:
+        self.vehicle.browser_looked(client)
+        height_m, view = picking.height_seen(client.camera), self._view_of(client)
+        with self._lock:
+            if abs(height_m - self._heights_m.get(view, 0.0)) < _SAME_SCALE * height_m or not view:
+                return
+            self._heights_m.pop(view, None)
+            self._heights_m[view] = round(height_m, 3)
+            while len(self._heights_m) > _MOST_VIEWS:
+                del self._heights_m[next(iter(self._heights_m))]
+            self.on_scales(dict(self._heights_m))
 
     def _view_of(self, client: "viser.ClientHandle") -> str:
         """The name that the browser's page gave to its 3D view, which the gateway passes on; empty for none."""

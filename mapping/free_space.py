@@ -9,11 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 import esdf
 from esdf import FREE, UNKNOWN, Edit, Field, Grid
+from esdf.storage import EDITS
 from esdf.visibility import CouldHide, Stretch, Visibility, line_of_sight
 from flight import FloatArray, InputError, frames
 from mapping.camera.rig import Camera, Rig
-from mapping.dense import fusion, missing, resolution
+from mapping.dense import fusion, missing, occupancy, resolution
 
+OF_HIDDEN = (occupancy.FILE, "visibility.npz", "map.toml", "poses.csv", f"esdf/{EDITS}")
+"""What a map says of what it may have missed; an edit that changes no voxel's state may change it, too."""
 THRESHOLD_M = 0.03
 """Obstacles thicker than a thumb and a half: poles, branches, chair legs, of which a map should know."""
 PLAIN_M = 0.10

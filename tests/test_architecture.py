@@ -65,6 +65,7 @@ ROOMS = {
         "goshawk.commands.plan",
         "goshawk.commands.map",
         "goshawk.commands.learn",
+        "goshawk.commands.preflight",
     },
     "goshawk.commands.fly": {
         "goshawk.terminal",

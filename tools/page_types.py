@@ -68,7 +68,7 @@ def _interface(kind: Struct) -> str:
 def _type(hint: object) -> str:
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (typing.Union, types.UnionType):
-        return " | ".join(_type(a) for a in arguments)
+        return " | ".join(dict.fromkeys(_type(a) for a in arguments))
     if origin is typing.Literal:
         return " | ".join(f'"{a}"' for a in arguments)
     if origin is list:

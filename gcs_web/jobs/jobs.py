@@ -74,6 +74,9 @@ class Kind(Generic[Station]):
     """What it would do, in words, for a person to read before it is started."""
     writes: Callable[[Project, Any], Path | None] = _nothing_written
     """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
+    given: Callable[[Station], Mapping[str, str]] | None = None
+    """Arguments that the station gives, of which no form asks, when it is started: raises `InputError` where it has
+    none. Their fields have the default ""."""
     beside: Callable[[Station, str], Callable[[], None]] | None = None
     """Of work that runs beside the queue until it is cancelled: uses its first stage, the address at which it serves,
     and returns what is to be done when it has ended."""
@@ -125,9 +128,11 @@ class Jobs(Generic[Station]):
         on_done: Callable[[Kind[Station], Any], str],
         on_end: Callable[[Job], None],
         on_serving: Callable[[Kind[Station], str], Callable[[], None]] = lambda _kind, _stage: lambda: None,
+        on_start: Callable[[Kind[Station]], Mapping[str, str]] = lambda _: {},
     ) -> None:
         """
         Args:
+            on_start: arguments of a kind that the station gives; may raise `InputError`.
             on_serving: uses the address at which a job beside the queue serves; may raise `FlightError`.
             on_done: uses a result and says what came of it; may raise `FlightError`.
             on_end: called with every job that ended.
@@ -135,6 +140,7 @@ class Jobs(Generic[Station]):
         self._project = opened
         self._kinds = {kind.name: kind for kind in kinds}
         self._on_change, self._on_done, self._on_end, self._on_serving = on_change, on_done, on_end, on_serving
+        self._on_start = on_start
         self._jobs: list[_Job] = []
         self._last_id = 0
         self._closed = False
@@ -160,6 +166,8 @@ class Jobs(Generic[Station]):
             InputError: no such kind, the arguments are not valid, another job writes the same result, too many jobs
                 wait, or no more are taken.
         """
+        if (named := self._kinds.get(name)) is not None and named.given is not None:
+            arguments = {**arguments, **self._on_start(named)}  # not under our lock: it takes the station's
         kind, wanted = self._decoded(name, arguments)
         with self._changed:
             if self._closed:
@@ -360,7 +368,8 @@ class Jobs(Generic[Station]):
             logger.exception("what %s can be started with could not be found", kind.name)
             choices = {}
         schema = msgspec.json.schema_components([kind.arguments])[1][kind.arguments.__name__]
-        fields = [_field(name, told, choices.get(name)) for name, told in schema["properties"].items()]
+        asked = {name: told for name, told in schema["properties"].items() if not told.get("given")}
+        fields = [_field(name, told, choices.get(name)) for name, told in asked.items()]
         return JobKind(kind.name, kind.title, fields)
 
 

@@ -9,7 +9,7 @@ from firmware_bridge.dialect.generated.messages import Command
 from flight import FlightError, FlightLog, InputError, TrajectoryFile, flight_log, results
 from gcs_web.desk import Desk
 from gcs_web.panels.handlers import Handlers
-from gcs_web.planning import page_values
+from gcs_web.planning import page_values, preflown
 from gcs_web.protocol.people import Person
 from gcs_web.protocol.reply import Reply
 from gcs_web.protocol.vehicle import (
@@ -87,12 +87,15 @@ def _order(desk: Desk, person: Person, order: Order) -> None:
         if order.order == "start":
             _start(desk, person, order.crc32)
         elif order.order == "arm":
+            if (file := _on_the_table(desk)) is not None:
+                _require_no_no_go(desk, file)
             watch.require_fit()
             watch.order(Command.ARM)
         else:
             watch.order(_COMMANDS[order.order])
 
-    desk.control.audited(person, order.order, give, desk.about())
+    about = desk.about() | (_flown_so(desk) if order.order in ("arm", "start") else {})
+    desk.control.audited(person, order.order, give, about)
 
 
 def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
@@ -101,11 +104,13 @@ def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
     aborted = watch.begin_flight()
     try:
         name, file = desk.name, desk.checked()
+        _require_no_no_go(desk, file)
         watch.require_held(file, name)
         if watch.state().foreign is not None:
             _require_shown(replace(file, name=name), shown_crc32)
         watch.require_fit()
-        desk.control.required(person)  # reading back takes a while
+        desk.control.required(person)  # reading back takes a while, and a simulated flight may have ended meanwhile
+        _require_no_no_go(desk, file)
     except BaseException:
         watch.end_flight()
         raise
@@ -129,6 +134,36 @@ def _start(desk: Desk, person: Person, shown_crc32: str) -> None:
             desk.show_files()
 
     threading.Thread(target=fly, name="flight", daemon=True).start()
+
+
+def _on_the_table(desk: Desk) -> TrajectoryFile | None:
+    """The checked plan; None where there is none, which keeps nobody from arming."""
+    try:
+        return desk.checked()
+    except InputError:
+        return None
+
+
+def _require_no_no_go(desk: Desk, file: TrajectoryFile) -> None:
+    """A plan whose own preflight is a no-go is not flown; one that was not flown in simulation may be."""
+    found = preflown.of(desk.project.folder, file)
+    if found.state == "current" and found.verdict == "no_go":
+        remedy = f" {found.remedy[0].upper()}{found.remedy[1:]}." if found.remedy else ""
+        raise InputError(
+            f"not armed. preflight: no-go. {found.sentence}{remedy} Change the plan, or fly its preflight again, in "
+            "another wind or with a larger risk accepted"
+        )
+
+
+def _flown_so(desk: Desk) -> dict[str, object]:
+    """What simulation said of the plan that an order is about, for the audit log."""
+    if (file := _on_the_table(desk)) is None:
+        return {}
+    found = preflown.of(desk.project.folder, file)
+    said = {"state": found.state}
+    if found.state == "current":
+        said |= {"verdict": found.verdict, "sentence": found.sentence}
+    return {"preflight": said}
 
 
 def _require_shown(file: TrajectoryFile, crc32: str) -> None:

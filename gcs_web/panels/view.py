@@ -15,8 +15,8 @@ def _look(desk: Desk, _: Person, look: Look) -> None:
 
 
 def _show(desk: Desk, person: Person, show: Show) -> None:
-    desk.view.show(show.colour)
-    desk.hub.publish(Shown(show.colour, person.id))
+    desk.view.show(show.colour, flights=show.flights)
+    desk.hub.publish(Shown(show.colour, person.id, show.flights))
 
 
 def _follow(desk: Desk, _: Person, wanted: Follow) -> None:

@@ -57,7 +57,7 @@ class StartJob(Command, frozen=True, tag="start_job", kw_only=True):
     """Put background work into the station's queue."""
 
     kind: str
-    arguments: dict[str, str | float | bool | list[str]]
+    arguments: dict[str, str | int | float | bool | list[str]]
     """By the names of the kind's fields."""
 
 
@@ -65,7 +65,7 @@ class ForeseeJob(Command, frozen=True, tag="foresee_job", kw_only=True):
     """Say what a job would do, without starting it; the reply has the words."""
 
     kind: str
-    arguments: dict[str, str | float | bool | list[str]]
+    arguments: dict[str, str | int | float | bool | list[str]]
 
 
 class CancelJob(Command, frozen=True, tag="cancel_job", kw_only=True):

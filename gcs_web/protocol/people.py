@@ -6,7 +6,7 @@ import msgspec
 
 from gcs_web.protocol.base import Command, Message, State
 
-PROTOCOL = 9
+PROTOCOL = 10
 """Raised when an old page could misread a new server."""
 
 

@@ -116,5 +116,45 @@ class Draft(State, frozen=True, tag="draft"):
     """`checked`: the plan that letting go here gives, worked out while the waypoint is held still."""
 
 
+class SimulatedFlight(msgspec.Struct, frozen=True):
+    """One flown path of a preflight; all lists are of one length, n."""
+
+    x_m: list[float]
+    y_m: list[float]
+    z_m: list[float]
+    clearance_m: list[float]
+    """Of the vehicle's centre, as that of a plan; `PLENTY_M` where it is more, or nothing is counted (a landing)."""
+    ends: int
+    """Index of the sample from which on it touches something, or is lost; n where it does neither."""
+    is_worst: bool
+    """Among the worst of all flights; else among the first ones, which are any."""
+
+
+PLENTY_M = 10.0
+
+
+class Preflight(State, frozen=True, tag="preflight"):
+    """What many simulated flights of the checked plan came to, or of the plan that was flown so before it."""
+
+    state: Literal["none", "current", "stale"]
+    stale: str = ""
+    """What changed since: the plan, the map, the vehicle; empty while it is current."""
+    verdict: Literal["go", "no_go", "not_shown"] = "not_shown"
+    """`not_shown`: the flights leave open whether the risk is accepted."""
+    sentence: str = ""
+    decides: str = ""
+    """What decides most, and its share; empty where the flights do not tell it."""
+    remedy: str = ""
+    flights: int = 0
+    wind_m_s: float = 0.0
+    """Largest mean wind of the flights, from anywhere."""
+    assumed: list[str] = []
+    """Sentences on what nobody told, and is not counted."""
+    asked: dict[str, str | int | float] = {}
+    """The job's arguments, to fly it so again."""
+    paths: list[SimulatedFlight] = []
+    """The worst first; empty where it is not current."""
+
+
 class PlanAgain(Command, frozen=True, tag="plan_again", kw_only=True):
     """Plan and check the document as it is now, with the map and the vehicle as they are now."""

@@ -19,6 +19,14 @@ class Shown(State, frozen=True, tag="shown"):
     colour: Colour
     author: str
     """Id of the person who chose it."""
+    flights: bool = True
+    """Whether the preflight's flights are drawn."""
+
+
+class ViewScales(State, frozen=True, tag="view_scales"):
+    """How much of the world the 3D views show, by their names: the height of the picture at the point looked at, m."""
+
+    heights_m: dict[str, float]
 
 
 class Selection(Message, frozen=True, tag="selection"):
@@ -43,6 +51,8 @@ class Show(Command, frozen=True, tag="show", kw_only=True):
     """What the 3D view draws."""
 
     colour: Colour = "clearance"
+    flights: bool = True
+    """Those of the preflight."""
 
 
 class Follow(Command, frozen=True, tag="follow", kw_only=True):

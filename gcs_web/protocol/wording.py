@@ -14,6 +14,8 @@ _BOXES = {
     "sensor": 'the box "Measured from"',
     "unit": 'the box "Unit"',
     "up": 'the box "Up"',
+    "wind": 'the box "Wind, from anywhere"',
+    "like": 'the box "Wind and noise of a flight"',
     "columns": "the column map",
 }
 """What the page has in the place of an option: a button, a box."""

@@ -1,5 +1,8 @@
 """What a click in the 3D view means: a ray against the map's mesh and against the path. Arrays in, numbers out."""
 
+import math
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -102,3 +105,20 @@ def waypoint_over(hit_m: FloatArray, normal: FloatArray, *, height_m: float, cle
     if normal[2] > LEVEL:
         return np.array([hit_m[0], hit_m[1], max(height_m, hit_m[2] + clearance_m)])
     return hit_m + clearance_m * normal
+
+
+class Camera(Protocol):
+    """A browser's, as viser has it."""
+
+    @property
+    def position(self) -> FloatArray: ...
+    @property
+    def look_at(self) -> FloatArray: ...
+    @property
+    def fov(self) -> float: ...
+
+
+def height_seen(camera: Camera) -> float:
+    """Of the world in the picture from below to above, at the distance of the point looked at, m."""
+    distance_m = float(np.linalg.norm(np.asarray(camera.look_at) - np.asarray(camera.position)))
+    return 2.0 * distance_m * math.tan(0.5 * camera.fov)

@@ -11,11 +11,13 @@ from goshawk.station_jobs import (
     new_vehicle,
     next_flight,
     plan_batch,
+    preflight,
     try_effect,
 )
 
 KINDS = (
     plan_batch.KIND,
+    preflight.KIND,
     identify.KIND,
     map_images.KIND,
     import_shape.KIND,

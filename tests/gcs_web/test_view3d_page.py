@@ -45,6 +45,27 @@ def dragged(page, station: GroundStation, start_world_m: np.ndarray, end_world_m
     return pull(page, station, start_world_m, end_world_m, lambda: station.desk.session.revision > before)
 
 
+def test_the_scale_bar_is_as_long_as_it_says_where_the_camera_looks_and_moves_with_it(station, page_3d):
+    def shown() -> tuple[float, float]:
+        words = page_3d.locator(".scale-3d .scale").text_content()
+        return float(words.split(" m ")[0]), page_3d.locator(".scale-3d .bar").bounding_box()["width"]
+
+    def is_true() -> bool:
+        camera = next(iter(station.server.get_clients().values())).camera
+        middle = np.asarray(camera.look_at)
+        long_m, width = shown()
+        beside = middle + long_m * rotations.rotate(camera.wxyz, np.array([1.0, 0.0, 0.0]))
+        return abs(pixel(page_3d, station, beside)[0] - pixel(page_3d, station, middle)[0] - width) < 0.02 * width
+
+    page_3d.locator(".scale-3d .scale").wait_for()
+    wait(is_true, "a true scale bar")
+    before, box = shown(), page_3d.locator("iframe").bounding_box()
+    page_3d.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page_3d.mouse.wheel(0, -400)
+    wait(lambda: shown() != before and is_true(), "a true scale bar from nearer")
+    page_3d.mouse.wheel(0, 400)
+
+
 def test_a_waypoint_is_dragged_in_the_3d_view(station, page_3d):
     page_3d.get_by_role("grid", name="Waypoints").get_by_role("row").nth(2).get_by_role("rowheader").click()
     offset = np.array([0.0, 0.35, 0.0])

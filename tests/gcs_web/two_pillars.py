@@ -1,7 +1,7 @@
 """A ground station with two pillars and a SITL vehicle, and the waypoints that tests of it begin with."""
 
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import vehicle
 from firmware_bridge import SitlVehicle, controller, keys
 from flight import Waypoints, project
 from gcs_web import GroundStation
+from gcs_web.jobs.jobs import Kind
 from tests.waiting import until
 
 TRIANGLES = 500
@@ -29,7 +30,7 @@ def add_map(opened: project.Project, pillar_map: Path) -> None:
 
 
 @contextmanager
-def serving(pillar_map: Path, folder: Path) -> Iterator[GroundStation]:
+def serving(pillar_map: Path, folder: Path, *, jobs: Sequence[Kind] = ()) -> Iterator[GroundStation]:
     """A station of a new project with the vehicle on the ground below the first waypoint."""
     opened = project.create(folder, "two <b>pillars</b>")  # foreign strings are text, never markup
     add_map(opened, pillar_map)
@@ -41,7 +42,9 @@ def serving(pillar_map: Path, folder: Path) -> Iterator[GroundStation]:
     plant = vehicle.simulate.Plant(believed, on_ground, ground_m=0.0)
     with (
         SitlVehicle(plant, controller.parameters_of(believed).parameters, key=keys.create(key_file)) as simulated,
-        GroundStation(opened.folder, triangles=TRIANGLES, vehicle_url=simulated.url, key_file=key_file) as running,
+        GroundStation(
+            opened.folder, triangles=TRIANGLES, vehicle_url=simulated.url, key_file=key_file, jobs=jobs
+        ) as running,
     ):
         yield running
 

@@ -12,13 +12,12 @@ from typing import Any, ClassVar
 import mapping
 import preflight
 import vehicle
-from esdf.edits import EDITS
 from flight import FlightError, InputError, file_format, results, trajectory
 from goshawk.commands.plan.batch_work import JOURNAL, RESULTS, Kind, Row
 from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
 from goshawk.commands.preflight.outcome import Outcome
-from mapping.dense import occupancy
+from mapping.free_space import OF_HIDDEN
 from preflight.result import SCHEMA, SCHEMA_VERSION
 
 COLUMNS: dict[str, type] = {
@@ -31,8 +30,6 @@ COLUMNS: dict[str, type] = {
 """Of the tables; segment, time and place are where it is narrowest. `lost` is None by levels: its flights are no sample
 of all. `hidden` is of what the map may have missed, and part of `risk_upper95`; None where the map does not say."""
 GO, NO_GO = "go", "no-go"
-_OF_HIDDEN = (occupancy.FILE, "visibility.npz", "map.toml", "poses.csv", f"esdf/{EDITS}")
-"""What a map says of what it may have missed; an edit that changes no voxel's state may change it, too."""
 KIND = Kind(
     "goshawk-preflight-batch", "preflights", "fly", "flies", "flown", "a file of the preflight",
     "plan, map, vehicle or options", COLUMNS, (GO, NO_GO), ("refused",),
@@ -77,7 +74,7 @@ class Job:
         """Of the map, what it says of itself and may have missed, and the options; no result depends on the threads."""
         area = mapping.open_map(self.map_folder)
         uncertainty = inputs.of_map(area, self.options.uncertainty)
-        may_hide = [area.folder / name for name in _OF_HIDDEN]
+        may_hide = [area.folder / name for name in OF_HIDDEN]
         hidden = [_hash_of(path) if path.is_file() else "" for path in may_hide]
         asked = (area.hash, hidden, replace(self.options, threads=None, uncertainty=uncertainty))
         return hashlib.sha256(repr(asked).encode()).digest()

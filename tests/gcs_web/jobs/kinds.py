@@ -25,6 +25,15 @@ def say(folder: Path, asked: Arguments, progress: Progress) -> str:
     return asked.word * asked.steps
 
 
+class Given(msgspec.Struct, forbid_unknown_fields=True):
+    word: Annotated[str, msgspec.Meta(extra_json_schema={"given": True})] = ""
+    steps: int = 1
+
+
+def say_given(folder: Path, asked: Given, progress: Progress) -> str:
+    return asked.word * asked.steps
+
+
 def refuse(folder: Path, asked: Arguments, progress: Progress) -> None:
     raise InputError(f"{asked.word!r} cannot be said; say another word")
 

@@ -4,14 +4,16 @@ import subprocess
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from flight import InputError, project
 from gcs_web.jobs.jobs import Jobs, Kind
+from gcs_web.protocol.jobs import StartJob
 from goshawk.rendered import world as rendered_world
 from goshawk.station_jobs import map_images, plan_batch
 from mapping import rig
-from tests.gcs_web.jobs.kinds import KINDS, Arguments, echo, hold_on, say
+from tests.gcs_web.jobs.kinds import KINDS, Arguments, Given, echo, hold_on, say, say_given
 from tests.waiting import until
 
 
@@ -213,5 +215,25 @@ def test_choices_that_cannot_be_found_leave_the_list_of_jobs_and_are_looked_up_w
         assert len(looked) == 1
         jobs.look()
         assert len(looked) == 2
+    finally:
+        jobs.close()
+
+
+def test_a_whole_number_of_a_form_stays_whole_on_its_way():
+    sent = b'{"type": "start_job", "serial": 0, "kind": "say", "arguments": {"word": "a", "steps": 3}}'
+    assert msgspec.convert(msgspec.json.decode(sent, type=StartJob).arguments, Arguments) == Arguments("a", 3)
+
+
+def test_what_the_station_gives_is_asked_of_nobody_and_counts_against_what_a_page_sends(tmp_path: Path):
+    given = Kind("say", "Say", Given, say_given, lambda _, said: said, given=lambda _: {"word": "ours"})
+    opened = project.create(tmp_path / "project", "jobs")
+    jobs = Jobs(
+        opened, [given], lambda: None, lambda kind, result: kind.done(None, result), lambda _: None,
+        on_start=lambda kind: kind.given(None) if kind.given is not None else {},
+    )  # fmt: skip
+    try:
+        assert [field.name for field in jobs.state().kinds[0].fields] == ["steps"]
+        jobs.start("say", {"word": "theirs", "steps": 2}, "Ada")
+        until(lambda: states(jobs)[0] == ("done", "oursours"), "the words")
     finally:
         jobs.close()

@@ -1,5 +1,8 @@
 """Clicks in the 3D view: a ray finds what an eye along it sees first."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 import trimesh
@@ -65,3 +68,13 @@ def test_a_waypoint_at_a_wall_stands_off_by_the_clearance():
     wall = np.array([-1.0, 0.0, 0.0])
     placed = picking.waypoint_over(np.array([2.0, 1.5, 1.0]), wall, height_m=3.0, clearance_m=0.4)
     np.testing.assert_allclose(placed, [1.6, 1.5, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "fov_deg", "height_m"), [(2.0, 90.0, 4.0), (4.0, 90.0, 8.0), (1.0, 60.0, 1.1547)]
+)
+def test_the_height_of_a_picture_is_that_at_the_point_looked_at(distance_m, fov_deg, height_m):
+    far = np.array([1.0, 2.0, 3.0])
+    ahead = np.array([0.0, distance_m, 0.0])
+    camera: Any = SimpleNamespace(position=far, look_at=far + ahead, fov=np.radians(fov_deg))
+    assert picking.height_seen(camera) == pytest.approx(height_m, rel=1e-4)

@@ -5,12 +5,18 @@ The last flight is killed in the air: the vehicle lies as it fell.
 
 import json
 import threading
+from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
+from firmware_bridge import arming
+from firmware_bridge.dialect.generated.messages import MissionState
 from flight import LinkError, Waypoints, flight_log
 from gcs_web.gateway import page_socket
+from gcs_web.planning import preflown
+from gcs_web.protocol.plan import Preflight
 from tests.gcs_web.station_socket import Page, visit
 from tests.waiting import PATIENCE_S, until
 
@@ -77,6 +83,130 @@ def test_neither_a_start_nor_arming_lifts_a_vehicle_that_is_not_fit(station):
     visit(station, 2, talk)
 
 
+STREAMS = {"position": 0b1, "attitude": 0b100, "rate": 0b10000}
+"""First bit of each in the vehicle's word of faults."""
+HEARD: list[tuple[str, dict[str, object]]] = [
+    ("mission state", {"mission_state": MissionState.FAULT}),
+    *(("estimator", {"estimate_faults": bit}) for bit in STREAMS.values()),
+    ("level", {"q_world_body": [0.7071, 0.7071, 0.0, 0.0]}),
+    ("at rest", {"velocity_world_m_s": [0.0, 0.6, 0.0]}),
+    ("at rest", {"rate_body_rad_s": [0.0, 0.0, 0.6]}),
+    ("battery", {"battery_v": 5.0}),
+    ("start", {"position_world_m": [3.0, 3.6, 0.0]}),
+    ("geofence", {"position_world_m": [0.8, 0.8, 40.0]}),
+]
+"""What the vehicle says of itself, and the item of the list that it makes false."""
+
+
+NO_GO = Preflight("current", verdict="no_go", sentence="Risk about 5 %.", remedy="wait for less wind")
+FORBIDS = "preflight: no-go. Risk about 5 %. Wait for less wind. Change the plan, or fly its preflight again"
+
+
+@pytest.fixture(autouse=True)
+def not_flown(station):
+    """In simulation, but for what a test tells."""
+    yield
+    for file in (station.desk.project.folder / ".session").glob("preflights/*"):
+        file.unlink()
+
+
+def tell(station, found: Preflight, item=None) -> None:
+    """Keep it as that of a plan; of the checked one where none is given."""
+    folder = station.desk.project.folder
+    preflown.save(folder, preflown.Flown.of(folder, item or station.desk.checked()), found)
+    station.desk.show_preflight()
+
+
+def test_arming_is_refused_with_each_of_twelve_kinds_of_items_false_and_nothing_climbs(station, monkeypatch):
+    """Telemetry is changed where the list is made of it; the vehicle itself stands as it should."""
+    false: dict[str, object] = {}
+    judged = arming.checks
+    monkeypatch.setattr(arming, "checks", lambda state, *rest: judged(replace(state, **false), *rest))
+    parameters = station.watch.parameters() | {"battery_arm_v": 13.0, "fence_max_z_m": 30.0}
+    monkeypatch.setattr(station.watch.link, "parameters", lambda: parameters)
+    desk, stands_at_m = station.desk, station.watch.link.state.position_world_m[2]
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        for item, heard in HEARD:
+            false.clear()
+            false.update(heard)
+            for order in ("arm", "start"):
+                said = await ordered(page, order)
+                assert said.startswith("not armed. "), (item, order, said)
+                assert f"{item}: " in said
+        false.clear()
+        tell(station, NO_GO)
+        for order in ("arm", "start"):
+            assert FORBIDS in await ordered(page, order)
+        for verdict in ("not_shown", "go"):
+            tell(station, msgspec.structs.replace(NO_GO, verdict=verdict))
+            assert not await ordered(page, "arm")
+            assert not await ordered(page, "disarm")
+        desk.rename("another plan")  # which is not the one that it holds
+        assert "holds plan, not this plan; upload it first" in await ordered(page, "start")
+        desk.rename("plan")
+        assert station.watch.state().mission == "disarmed"
+        assert station.watch.link.state.position_world_m[2] == pytest.approx(stands_at_m, abs=0.01)
+
+    visit(station, 2, talk)
+
+
+def test_a_no_go_forbids_the_plan_it_is_of_and_no_other(station):
+    """Nor does it where that plan is no longer there: refused, or too short."""
+    desk = station.desk
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        tell(station, NO_GO)
+        assert FORBIDS in await ordered(page, "arm")
+        assert audited(desk)["preflight"] == {"state": "current", "verdict": "no_go", "sentence": "Risk about 5 %."}
+        below = np.array([[0.8, 0.8, 1.0], [3.0, 2.0, -5.0]])
+        for points, state in ((below, "refused"), (below[:1], "none")):
+            desk.session.take(Waypoints(points, np.full(len(points), np.nan)), "edited", "test")
+            await page.until(lambda p, state=state: p.state["plan"]["state"] == state)
+            assert not await ordered(page, "arm")
+            assert "preflight" not in audited(desk)
+            assert not await ordered(page, "disarm")
+        away = np.array([[0.8, 0.8, 1.0], [5.2, 0.8, 1.2]])
+        desk.session.take(Waypoints(away, np.full(2, np.nan)), "another", "test")
+        await page.checked()
+        assert desk.preflight.state == "stale"
+        assert not await ordered(page, "arm")
+        assert audited(desk)["preflight"] == {"state": "stale"}
+        assert not await ordered(page, "disarm")
+
+    visit(station, 2, talk)
+
+
+def audited(desk) -> dict:
+    """The newest line."""
+    return json.loads((desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()[-1])
+
+
+def test_a_no_go_that_comes_while_the_vehicle_is_read_back_keeps_it_on_the_ground(station, monkeypatch):
+    read_back = station.watch.require_held
+
+    def meanwhile(file, name):
+        read_back(file, name)
+        tell(station, NO_GO, file)
+
+    async def talk(page: Page, _: Page):
+        await page.checked()
+        await page.command("take_control", force=True)
+        prepared = await page.command("prepare_upload")
+        assert not (await page.command("upload", nonce=prepared["nonce"]))["error"]
+        monkeypatch.setattr(station.watch, "require_held", meanwhile)
+        assert FORBIDS in await ordered(page, "start")
+        assert station.watch.state().mission == "disarmed"
+
+    visit(station, 2, talk)
+
+
 def plan_from_where_it_stands(station) -> None:
     x_m, y_m, _ = station.watch.link.state.position_world_m
     away = np.array([[x_m, y_m, 1.0], [5.2, 0.8, 1.2] if x_m < 3.0 else [0.8, 0.8, 1.2]])
@@ -90,10 +220,10 @@ def test_a_flight_that_anybody_aborts_or_kills_leaves_its_log(station, emergency
 
     async def talk(page: Page, other: Page):
         await flying(page)
-        until(lambda: station.view.vehicle._setpoint.visible, "the set-point in the 3D view")
+        await page.until(lambda _: station.view.vehicle._setpoint.visible)  # not `until`, which answers no ping
         assert not (await other.command(emergency))["error"]  # by whoever sees the danger
         await page.until(lambda p: p.state["vehicle"]["mission"] in ("disarmed", "armed", "fault"))
-        until(lambda: set(station.desk.project.flights()) - before, "the log")
+        await page.until(lambda _: set(station.desk.project.flights()) - before)
         await page.until(lambda p: any("The flight ended early" in text for text in p.notices))
         if page.state["vehicle"]["mission"] != "disarmed":
             assert not await ordered(page, "disarm")

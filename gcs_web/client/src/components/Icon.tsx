@@ -4,6 +4,7 @@ const PATHS = {
   goshawk: "M1 5l7 3 7-3-3 5-4-1-4 1zM6 11l2 3 2-3",
   check: "M3 8.5l3.2 3.2L13 5",
   warning: "M8 2.5l6.2 11H1.8zM8 6.5v3.4M8 11.6v.6",
+  unknown: "M5 6a3 3 0 114.2 2.7c-.8.4-1.2.9-1.2 1.8M8 13v.2",
   down: "M4 6l4 4 4-4",
   play: "M5 3.5v9l7-4.5z",
   pause: "M5 3.5v9M11 3.5v9",

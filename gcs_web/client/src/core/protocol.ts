@@ -1,7 +1,7 @@
 // Written by tools/page_types.py from the structs of gcs_web. Do not edit.
 
 
-export const PROTOCOL = 9;
+export const PROTOCOL = 10;
 
 export interface Abort {
   type: "abort";
@@ -933,6 +933,21 @@ export interface PlanSummary {
   limits: Limit[];
 }
 
+export interface Preflight {
+  type: "preflight";
+  state: "none" | "current" | "stale";
+  stale: string;
+  verdict: "go" | "no_go" | "not_shown";
+  sentence: string;
+  decides: string;
+  remedy: string;
+  flights: number;
+  wind_m_s: number;
+  assumed: string[];
+  asked: Record<string, string | number>;
+  paths: SimulatedFlight[];
+}
+
 export interface PrepareCompensation {
   type: "prepare_compensation";
   serial: number;
@@ -1268,6 +1283,7 @@ export interface Show {
   type: "show";
   serial: number;
   colour?: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
+  flights?: boolean;
 }
 
 export interface ShowFlights {
@@ -1297,6 +1313,16 @@ export interface Shown {
   type: "shown";
   colour: "clearance" | "could_hide" | "speed" | "thrust" | "tilt" | "rotor_margin";
   author: string;
+  flights: boolean;
+}
+
+export interface SimulatedFlight {
+  x_m: number[];
+  y_m: number[];
+  z_m: number[];
+  clearance_m: number[];
+  ends: number;
+  is_worst: boolean;
 }
 
 export interface Slice {
@@ -1488,6 +1514,11 @@ export interface VehicleVersion {
   changes: string[];
 }
 
+export interface ViewScales {
+  type: "view_scales";
+  heights_m: Record<string, number>;
+}
+
 export interface Waypoint {
   id: number;
   x_m: number;
@@ -1510,6 +1541,6 @@ export interface Welcome {
   station: string;
 }
 
-export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Projects | Reply | Selection | Shown | Vehicle | Welcome;
+export type ToPage = Comparison | Cursor | Diagnosis | Document | Draft | EffectFiles | Files | FlightMoment | Flights | FlightsShown | Identification | InvitationEnded | Jobs | MapPreview | MapSection | MapShown | Measured | Model | NextFlight | Notice | People | Plan | Preflight | Projects | Reply | Selection | Shown | Vehicle | ViewScales | Welcome;
 
 export type FromPage = Abort | AddMapEdit | AgreeToEffectFile | AlignFlights | Ask | CancelJob | ChangeMapEdit | Choose | ClearGate | ClearGround | ComparePlans | Connect | Delete | Discard | DiscardFlight | DraftEffect | DrawPlainly | DropMapEdits | DropPath | DropTried | EndInvitation | FixFlight | Follow | ForeseeJob | ForgetJob | GiveUpControl | Insert | Invite | Keep | Kill | ListFlights | ListJobs | ListProjects | Look | LookAtFlight | LookAtVehicle | LookForVehicles | Loop | Measure | Move | NewProject | Open | OpenFlights | OpenProject | Order | Paint | Pass | PlanAgain | PrepareCompensation | PrepareOrder | PrepareUpload | PreviewMapEdit | RandomYaw | ReadPairs | ReadScatter | ReadSpectrogram | ReadSpectrum | ReadStreams | Redo | RenameFlight | Restore | RestoreFlight | ReturnTo | Reverse | Save | Select | SendCompensation | SetGate | SetGround | SetNote | SetRole | SetTube | Shift | Show | ShowFlights | ShowMap | ShowMoments | Snap | StartJob | TakeControl | TakeLog | TakePath | ThinPath | Turn | Undo | Upload;

@@ -16,6 +16,23 @@ export const plan = signal<Plan | null>(null);
 export const draft = signal<Draft | null>(null);
 /** The plan with its figures; while another one is planned, or after it became void, the one before. */
 export const figures = signal<Plan | null>(null);
+/** Of the plan that was checked last. */
+const preflightTold = newest("preflight", {
+  type: "preflight",
+  state: "none",
+  stale: "",
+  verdict: "not_shown",
+  sentence: "",
+  decides: "",
+  remedy: "",
+  flights: 0,
+  wind_m_s: 0,
+  assumed: [],
+  asked: {},
+  paths: [],
+});
+/** Height of the world in 3D views at the points looked at, by the views' names. */
+export const viewScales = newest("view_scales", { type: "view_scales", heights_m: {} });
 export const vehicle = signal<Vehicle | null>(null);
 export const invitationEnded = newest("invitation_ended", { type: "invitation_ended", number: 0 });
 export const people = newest("people", { type: "people", people: [], in_control: "" });
@@ -94,7 +111,7 @@ export const cursor_s = signal<number | null>(null);
 export const flightCursor_s = signal<number | null>(null);
 /** Ids of waypoints. */
 export const selected = signal<ReadonlySet<number>>(new Set());
-export const view = signal<Required<Pick<Show, "colour">>>({ colour: "clearance" });
+export const view = signal<Required<Pick<Show, "colour" | "flights">>>({ colour: "clearance", flights: true });
 export const step = signal(2);
 export const aborting = signal(false);
 export const paletteOpen = signal(false);
@@ -128,6 +145,12 @@ export const figuresAreOld = computed(
   () => figures.value !== plan.value || plan.value?.state === "void" || draft.value !== null || !connected.value,
 );
 export const series = computed(() => figures.value?.series ?? null);
+
+/** The preflight of the checked plan, or of one before it; null while there is no checked plan. */
+export const preflight = computed(() => (verdict.value === "checked" ? preflightTold.value : null));
+
+/** Whether its own preflight forbids that the plan is flown. */
+export const isNoGo = computed(() => preflight.value?.state === "current" && preflight.value.verdict === "no_go");
 
 const me = computed(() => people.value.people.find((person) => person.id === welcome.value?.you) ?? null);
 export const inControl = computed(
@@ -210,9 +233,9 @@ on("vehicle", receiveVehicle);
 on("effect_files", (message) => (effectFiles.value = message.files));
 on("flight_moment", (message) => (flightCursor_s.value = message.time_s));
 on("cursor", (message) => (cursor_s.value = message.time_s));
-on("shown", ({ author, colour }) => {
+on("shown", ({ author, colour, flights: withFlights }) => {
   // What this person chose may have changed again since it was sent.
-  if (author !== welcome.value?.you) view.value = { colour };
+  if (author !== welcome.value?.you) view.value = { colour, flights: withFlights };
 });
 on("map_shown", (message) => {
   if (mapShown.value === null || message.author !== welcome.value?.you) mapShown.value = message;

@@ -29,6 +29,9 @@ export const CIVIDIS = [
   "#fde737",
 ] as const;
 
+/** Where a simulated flight touches something, or is lost. */
+export const TOUCHING = "#ff7a66";
+
 /** From the most negative to the most positive value, zero in the middle. */
 export const SIGNED = ["#3a86ff", "#949ba3", "#ff961e"] as const;
 

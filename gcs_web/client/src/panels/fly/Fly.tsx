@@ -2,6 +2,7 @@
 
 import { computed } from "@preact/signals";
 import { beginHere, canBeginHere, canUpload, giveOrder, mayOrder, openUpload, uploading } from "./orders";
+import { NotTold, PreflightLine, isFlownInSimulation } from "./Preflight";
 import { UploadPanel } from "./UploadPanel";
 import { cards, compareWithLast, lastOfCourse } from "../compare/flights";
 import { Badge } from "../../components/Badge";
@@ -9,7 +10,7 @@ import { HoldButton } from "../../components/HoldButton";
 import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { age, number, plural, sentenceCase } from "../../core/format";
-import { errors, files, foreign, hasVehicle, holdsAnother, inControl, isArmed, isOnlyLookedAt, link, plan, vehicle, verdict } from "../../core/store";
+import { errors, files, foreign, hasVehicle, holdsAnother, inControl, isArmed, isNoGo, isOnlyLookedAt, link, plan, vehicle, verdict } from "../../core/store";
 import { submit } from "../../core/socket";
 import type { FlightCard, Vehicle as VehicleState } from "../../core/protocol";
 import { Control } from "./Control";
@@ -185,6 +186,9 @@ function Landed() {
 /** The first thing that must hold before the rotors start and does not. */
 const failing = computed(() => vehicle.value?.checks.find(({ passed }) => !passed) ?? null);
 
+/** Whether the list keeps the rotors from being started. */
+const isUnfit = computed(() => failing.value !== null || isNoGo.value);
+
 /** So many lines are shown; of more those that pass are counted. */
 const MOST_LINES = 10;
 
@@ -196,7 +200,7 @@ function BeforeFlight() {
     <section class="block" aria-labelledby="before-title">
       <div class="block-head">
         <h3 id="before-title">Before the flight</h3>
-        <span class="quiet">{failing.value === null ? "all pass" : "not fit to arm"}</span>
+        <span class="quiet">{isUnfit.value ? "not fit to arm" : isFlownInSimulation.value ? "all pass" : "all pass, but see below"}</span>
       </div>
       <ul class="checks">
         {checks.map(({ name, passed, finding, remedy }) => (
@@ -220,6 +224,8 @@ function BeforeFlight() {
             <span>{plural(every.length - checks.length, "setting is", "settings are")} as expected</span>
           </li>
         )}
+        <PreflightLine />
+        <NotTold />
       </ul>
       {foreign.value !== null && (
         <button type="button" class="control" disabled={!mayOrder.value} onClick={() => void submit({ type: "look_at_vehicle" })}>
@@ -241,7 +247,7 @@ function Orders() {
       {onGround && foreign.value === null && (
         <HoldButton
           act={armed ? "disarm: rotors stop" : "arm only"}
-          disabled={!mayOrder.value || (!armed && failing.value !== null)}
+          disabled={!mayOrder.value || (!armed && isUnfit.value)}
           onHeld={() => void giveOrder(armed ? "disarm" : "arm")}
         />
       )}
@@ -263,7 +269,7 @@ function Start() {
     <HoldButton
       act={last.armed ? `fly ${last.holds}` : `arm and fly ${last.holds}`}
       primary
-      disabled={!mayOrder.value || isUnderWay(last.mission) || failing.value !== null}
+      disabled={!mayOrder.value || isUnderWay(last.mission) || isUnfit.value}
       onHeld={() => void giveOrder("start")}
     />
   );
@@ -278,7 +284,7 @@ function StartForeign() {
       <HoldButton
         act={`arm and fly ${name}`}
         primary
-        disabled={!mayOrder.value || !isChecked || isArmed.value || failing.value !== null || link.value.state === "lost"}
+        disabled={!mayOrder.value || !isChecked || isArmed.value || isUnfit.value || link.value.state === "lost"}
         onHeld={() => void giveOrder("start")}
       />
       {!isChecked && <p class="quiet centred">Only a checked plan can be flown.</p>}

@@ -11,7 +11,7 @@ import { LETTERS, horizon_s, opened, pathColour, showOurs, withArrows, withPredi
 import type { Channel } from "../compare/flights";
 import { CIVIDIS, CLEARANCE, CLEARANCE_SPAN_M, COULD_HIDE_SPAN_MM, SIGNED, SURFACE_STD_SPAN_MM, pathEnds } from "../../plots/scales";
 import type { PathColour as Colour } from "../../plots/scales";
-import { comparison, connected, figures, flightsShown, mapShown, othersFlights, series, step, view } from "../../core/store";
+import { comparison, connected, figures, flightsShown, mapShown, othersFlights, preflight, series, step, view, viewScales } from "../../core/store";
 import { isLight, narrow, token } from "../../core/theme";
 import type { Series } from "../../core/protocol";
 import { figure } from "../learn/Learn";
@@ -19,7 +19,9 @@ import { MapTools, MeasureReadout } from "../map/MapTools";
 import { TopView } from "../view/TopView";
 import { ViewChoice } from "../view/ViewChoice";
 import { isSimplified, measure, watchPace } from "../view/pace";
+import { scaleBar } from "../view/place";
 import { VIEW, fromAbove, isLoaded, look } from "../view/view";
+import { useBox } from "../../plots/width";
 
 /** A busy page loads the 3D view all the same after this; and how often it is looked whether that has drawn. */
 const [IDLE_MS, LOOK_AGAIN_MS] = [1000, 100];
@@ -72,7 +74,7 @@ export function Scene() {
           }}
         />
       )}
-      {fromAbove.value && <TopView />}
+      {fromAbove.value ? <TopView /> : <Scale3D />}
       <ViewChoice />
       <div class="legends">
         <SimplifiedNote />
@@ -83,6 +85,25 @@ export function Scene() {
       </div>
       {step.value === 1 && <MapTools />}
     </main>
+  );
+}
+
+/** How long metres are at the point that the camera looks at; it moves with the camera. */
+function Scale3D() {
+  const line = useRef<HTMLDivElement>(null);
+  const size = useBox(line);
+  const height_m = viewScales.value.heights_m[VIEW] ?? 0;
+  const scale = height_m > 0 ? size.value.height / height_m : 0;
+  const long_m = scale > 0 ? scaleBar(scale) : 0;
+  return (
+    <div class="scale-3d" ref={line}>
+      {long_m > 0 && (
+        <p class="scale">
+          <span class="bar" style={{ width: `${long_m * scale}px` }} />
+          <span>{long_m} m where the camera looks</span>
+        </p>
+      )}
+    </div>
   );
 }
 
@@ -114,14 +135,52 @@ function PathLegend() {
   if (shown === null || current === undefined) return null;
   const isClearance = current.key === "clearance";
   return (
-    <Legend
-      unit={current.unit}
-      colours={isClearance ? CLEARANCE : CIVIDIS}
-      ends={ends(current.key, shown)}
-      {...(current.key === "could_hide" ? { note: couldHideNote(shown) } : {})}
-    >
-      <ColourChoice />
-    </Legend>
+    <>
+      <Legend
+        unit={current.unit}
+        colours={isClearance ? CLEARANCE : CIVIDIS}
+        ends={ends(current.key, shown)}
+        {...(current.key === "could_hide" ? { note: couldHideNote(shown) } : {})}
+      >
+        <ColourChoice />
+      </Legend>
+      <SimulatedLegend />
+    </>
+  );
+}
+
+/** The layer of the preflight's flights, which always have the colours of clearance. */
+function SimulatedLegend() {
+  const paths = preflight.value?.paths ?? [];
+  if (paths.length === 0) return null;
+  const { colour, flights: areShown } = view.value;
+  return (
+    <div class="legend simulated-legend">
+      <label class="legend-switch">
+        <input
+          type="checkbox"
+          checked={areShown}
+          disabled={!connected.value}
+          onChange={(event) => show({ flights: event.currentTarget.checked })}
+        />
+        <span>{paths.length} simulated flights</span>
+      </label>
+      {areShown && colour !== "clearance" && (
+        <>
+          <div class="legend-bar" style={{ background: `linear-gradient(90deg, ${CLEARANCE.join(",")})` }} />
+          <div class="legend-ends">
+            <span>{clearanceEnds()[0]}</span>
+            <span>{clearanceEnds()[1]} m</span>
+          </div>
+        </>
+      )}
+      {areShown && (
+        <p class="legend-ends quiet">
+          <span>by clearance; thick: the worst</span>
+          <span class="touching-key">touches, lost</span>
+        </p>
+      )}
+    </div>
   );
 }
 

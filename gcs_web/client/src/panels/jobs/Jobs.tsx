@@ -45,14 +45,19 @@ export function Jobs({ kinds }: { kinds?: readonly string[] }) {
 
 const ORDER = { running: 0, waiting: 1, done: 2, failed: 2, cancelled: 2 } as const;
 
+const CLOSED: readonly Job["state"][] = ["done", "cancelled"];
+
 /** What runs, then what waits in the order of the queue, then what ended, the newest first. */
 function inOrder(a: Job, b: Job): number {
   return ORDER[a.state] - ORDER[b.state] || (ORDER[a.state] < 2 ? a.id - b.id : b.id - a.id);
 }
 
-/** Jobs of these kinds (all: left out). */
-export function JobRows({ kinds }: { kinds?: readonly string[] }) {
-  const shown = jobs.value.jobs.filter(({ kind }) => kinds === undefined || kinds.includes(kind)).sort(inOrder);
+/** Jobs of these kinds (all: left out); if wished, only those that run, wait or failed. */
+export function JobRows({ kinds, open = false }: { kinds?: readonly string[]; open?: boolean }) {
+  const shown = jobs.value.jobs
+    .filter(({ kind, state }) => (kinds === undefined || kinds.includes(kind)) && (!open || !CLOSED.includes(state)))
+    .sort(inOrder);
+  if (open && shown.length === 0) return null;
   if (shown.length === 0) return <p class="quiet">Nothing is running and nothing waits.</p>;
   return (
     <ul class="jobs">
@@ -113,9 +118,16 @@ function detail({ state, stage, share, words, author }: Job): string {
 
 const ASKED_AFTER_MS = 300;
 
+interface JobFormProps {
+  kinds: readonly JobKind[];
+  /** In the place of the kind's defaults. */
+  first?: Readonly<Record<string, Value>>;
+  onDone: () => void;
+}
+
 /** Of the kind that is chosen, among these. */
-export function JobForm({ kinds, onDone }: { kinds: readonly JobKind[]; onDone: () => void }) {
-  const given = useSignal<Readonly<Record<string, Value>>>({});
+export function JobForm({ kinds, first = {}, onDone }: JobFormProps) {
+  const given = useSignal<Readonly<Record<string, Value>>>(first);
   const refusal = useSignal("");
   const foreseen = useSignal("");
   const form = useRef<HTMLFormElement>(null);

@@ -15,6 +15,7 @@ import { Segments } from "./Segments";
 import { SettingsForm } from "./SettingsForm";
 import { Trajectories } from "./Trajectories";
 import { LinkButtons } from "../start/Buttons";
+import { PreflightBlock } from "../fly/Preflight";
 import { UploadPanel } from "../fly/UploadPanel";
 import { Verdict } from "./Verdict";
 import { Waypoints } from "./Waypoints";
@@ -35,6 +36,7 @@ export function Plan() {
   return (
     <>
       <Verdict />
+      <PreflightBlock />
       {phone.value && <Drawer />}
       <Tabs label="Plan" tabs={TABS} current={tab.value} onChange={(key) => (tab.value = key)}>
         {tab.value === "waypoints" && <Waypoints />}

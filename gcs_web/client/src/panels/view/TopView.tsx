@@ -11,7 +11,7 @@ import { change } from "../plan/actions";
 import { select } from "../timeline/cursor";
 import { useBox } from "../../plots/width";
 import type { Size } from "../../plots/width";
-import { Cursor, Flights, Flown, Path, VehicleMark } from "./drawn";
+import { Cursor, Flights, Flown, Path, Simulated, VehicleMark } from "./drawn";
 import { extent, fitted, followed, panned, scaleBar, zoomed } from "./place";
 import type { Place, Point } from "./place";
 
@@ -39,6 +39,7 @@ export function TopView() {
         >
           <g transform={matrix(place, size.value)}>
             <Ground place={place} />
+            <Simulated />
             <Path />
             <Flown />
             {step.value === COMPARE_STEP && <Flights />}

@@ -1,8 +1,9 @@
 /** On the map from above: the planned path, what was flown, the moment of the cursor, the vehicle. */
 
 import { number } from "../../core/format";
-import { cursor_s, figures, figuresAreOld, flown, link, series, step, vehicle, view } from "../../core/store";
-import { pathColours } from "../../plots/scales";
+import { computed } from "@preact/signals";
+import { cursor_s, figures, figuresAreOld, flown, link, preflight, series, step, vehicle, view } from "../../core/store";
+import { TOUCHING, clearanceColour, pathColours } from "../../plots/scales";
 import { valueAt } from "../../plots/plots";
 import { cards, opened } from "../compare/flights";
 import { goTo } from "../timeline/cursor";
@@ -13,6 +14,9 @@ type OnScreen = (point: Point) => readonly [number, number];
 const words = (x_m: readonly number[], y_m: readonly number[]): string =>
   x_m.map((x, i) => `${x.toFixed(3)},${(y_m[i] ?? 0).toFixed(3)}`).join(" ");
 
+/** Whether simulated flights stand round the path, which is drawn thin among them. */
+const hasSimulated = computed(() => view.value.flights && (preflight.value?.paths.length ?? 0) > 0);
+
 /** In pieces of one colour; grey where the plan is void or being made. */
 export function Path() {
   const shown = series.value;
@@ -21,7 +25,7 @@ export function Path() {
   const old = figuresAreOld.value;
   const colours = old ? x_m.map(() => "") : pathColours(view.value.colour, shown, figures.value?.required_clearance_m ?? 0);
   return (
-    <g class={`planned-path ${old ? "old" : ""}`}>
+    <g class={`planned-path ${old ? "old" : ""} ${hasSimulated.value ? "thin" : ""}`}>
       {pieces(colours).map(([from, to]) => (
         <polyline
           key={from}
@@ -43,6 +47,35 @@ export function Path() {
       />
     </g>
   );
+}
+
+/** Made once for each preflight: the view is drawn anew with every word of the vehicle. */
+const simulated = computed(() => {
+  const { paths = [] } = preflight.value ?? {};
+  const required_m = figures.value?.required_clearance_m ?? 0;
+  return (
+    <g class="simulated-flights">
+      {paths.toReversed().map(({ x_m, y_m, clearance_m, ends, is_worst }, at) => {
+        const colours = clearance_m.map((each, i) => (i >= ends ? TOUCHING : clearanceColour(each, required_m)));
+        return (
+          <g key={at} class={is_worst ? "worst" : ""}>
+            {pieces(colours).map(([from, to]) => (
+              <polyline
+                key={from}
+                points={words(x_m.slice(from, to + 1), y_m.slice(from, to + 1))}
+                style={{ stroke: colours[from] ?? "" }}
+              />
+            ))}
+          </g>
+        );
+      })}
+    </g>
+  );
+});
+
+/** The simulated flights of the plan's preflight, by clearance; the worst on top. */
+export function Simulated() {
+  return hasSimulated.value && step.value !== 4 ? simulated.value : null;
 }
 
 /** First and last index of runs of one colour; a run ends where the next begins. */
