@@ -205,22 +205,30 @@ class _Regression:
         return _Regression(x, coefficients, float(left_over @ left_over) / max(len(y) - x.shape[1], 1))
 
     def share(self) -> float:
-        """Error of the size of all that the inputs explain, but for the constant."""
-        of_inputs = self.inputs[:, :-1] @ self.coefficients[:-1]
-        of_inputs = of_inputs - of_inputs.mean()
+        """Error of the size of all that the inputs explain, but for the constant; infinite where they hardly vary."""
+        varied = self._varied
+        of_inputs = varied @ self.coefficients[:-1]
         by_chance = (len(self.coefficients) - 1) * self.variance
         explained = float(of_inputs @ of_inputs) - by_chance
-        return float(np.sqrt(self.variance / explained)) if explained > 0.0 else np.inf
+        return float(np.sqrt(self.variance / explained)) if explained > 0.0 and not _is_still(varied) else np.inf
 
     def of_slope(self, combination: FloatArray) -> float:
         """Error of a combination of the coefficients but for the constant; infinite where the inputs hardly vary."""
-        varied = self.inputs[:, :-1] - self.inputs[:, :-1].mean(axis=0)
-        square = varied.T @ varied
+        varied = self._varied
         size = abs(float(combination @ self.coefficients[:-1]))
-        if square.trace() < len(varied) * STILL**2 or size == 0.0:
+        if _is_still(varied) or size == 0.0:
             return np.inf
-        covariance = self.variance * np.linalg.pinv(square, hermitian=True)
+        covariance = self.variance * np.linalg.pinv(varied.T @ varied, hermitian=True)
         return float(np.sqrt(max(combination @ covariance @ combination, 0.0))) / size
+
+    @property
+    def _varied(self) -> FloatArray:
+        """The inputs but for the constant, less their means."""
+        return self.inputs[:, :-1] - self.inputs[:, :-1].mean(axis=0)
+
+
+def _is_still(varied: FloatArray) -> bool:
+    return float((varied**2).sum()) < len(varied) * STILL**2
 
 
 def _fitted(inputs: Sequence[FloatArray], shown: Sequence[FloatArray]) -> FloatArray:

@@ -9,7 +9,6 @@ import click
 
 import mapping
 from flight import InputError, results
-from goshawk.commands.map import task_cluster
 from goshawk.terminal import console, outputs
 from mapping import map_folder, stages
 from mapping.camera.trial import SIGMAS95
@@ -150,8 +149,11 @@ def build(
         references=references,
     )
     rig = mapping.rig.load(camera)
-    pool = task_cluster.DaskWorkers(scheduler) if scheduler is not None else None
-    if pool is not None:
+    pool = None
+    if scheduler is not None:
+        from goshawk.commands.map.task_cluster import DaskWorkers  # with the planner, which shares the cluster
+
+        pool = DaskWorkers(scheduler)
         pool.require_scheduler()
     report = _made(images, rig, out, options, overwrite=overwrite, again_from=again_from, until=until, pool=pool)
     if report is not None:

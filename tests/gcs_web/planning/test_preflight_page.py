@@ -18,7 +18,7 @@ from tests.gcs_web.in_browser import SERIOUS, drawn, needs_chromium
 from tests.gcs_web.two_pillars import serving
 from tests.waiting import until as wait
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.slow]  # at the station: test_station_preflight, test_station_orders
 ASKED = {"wind_m_s": 2.0, "like": "", "risk_percent": 10.0, "flights": 29}
 ASIDE = SimulatedFlight([0.8, 3.0], [0.8, 2.2], [1.0, 1.2], [0.1, 0.5], ends=0, is_worst=True)
 
