@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -178,6 +179,12 @@ def fly(
             )
             command = [sys.executable, "-m", "tests.firmware_bridge.offboard.planner", *map(str, arguments)]
             fault.planner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            threading.Thread(target=give_up_with, args=(fault.planner,), daemon=True).start()
+
+    def give_up_with(planner: subprocess.Popen) -> None:
+        """Without it the body would wait for ever for a planner that refused the flight."""
+        planner.wait()
+        body.given_up = True
 
     body.each_step, body.change_pose, body.on_ready = each_step, fault.change_pose, start_planner
     with contextlib.ExitStack() as stack:
