@@ -82,17 +82,19 @@ def read(line: ByteLine, *, patience_s: float = 10.0) -> Settings:
 
 
 def _asked(line: ByteLine, command: str, patience_s: float) -> str:
-    """
+    """The answer; asked once more halfway, as one lost byte can cost the whole of it.
+
     Raises:
         LinkError: the answer has no end: what it lacks must not count as not there.
     """
-    line.write(command.encode())
-    said, end_s = "", time.monotonic() + patience_s
-    while time.monotonic() < end_s:
-        said += (more := line.read(_PAUSE_S if said.endswith(_PROMPT) else 0.2).decode("ascii", "replace"))
-        # it repeats the command; and a line of an answer may begin as the prompt does
-        if said.endswith(_PROMPT) and not more and (command == "#" or command.strip() in said):
-            return said
+    for before in ("", "\n"):  # ends what came of the first question
+        line.write((before + command).encode())
+        said, end_s = "", time.monotonic() + 0.5 * patience_s
+        while time.monotonic() < end_s:
+            said += (more := line.read(_PAUSE_S if said.endswith(_PROMPT) else 0.2).decode("ascii", "replace"))
+            # it repeats the command; and a line of an answer may begin as the prompt does
+            if said.endswith(_PROMPT) and not more and (command == "#" or command.strip() in said):
+                return said
     raise LinkError(f"the flight controller's command line does not answer `{command.strip()}` to the end")
 
 

@@ -79,6 +79,28 @@ def test_an_answer_without_an_end_is_an_error(lost):
         read(CommandLine(cut), patience_s=0.05)
 
 
+@pytest.mark.parametrize("arrived", ["", "get dea"])
+def test_a_question_that_was_lost_is_asked_again(arrived):
+    """The half that arrived is ended first: joined to the second question it would name a setting that is not there."""
+
+    class Lossy(CommandLine):
+        def __init__(self) -> None:
+            super().__init__()
+            self.held = arrived
+
+        def write(self, data: bytes) -> None:
+            if data == b"get deadband\n" and self.held is not None:
+                return
+            if data.startswith(b"\n") and self.held is not None:
+                self.held = None
+                for command in (arrived + data.decode()).splitlines():
+                    super().write(command.encode())
+                return
+            super().write(data)
+
+    assert read(Lossy(), patience_s=0.2).values == VALUES
+
+
 def test_a_damaged_answer_is_an_error():
     def spoilt(command: str, answer: str) -> str:
         return answer.replace("motor_idle =", "mot\ufffdr_idle =") if command == "get motor_idle" else answer
