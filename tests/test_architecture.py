@@ -56,7 +56,7 @@ ROOMS = {
     "goshawk.paper": {"goshawk.rendered", "goshawk.plot"},
     "goshawk.commands.project": {"goshawk.terminal", "goshawk.demo", "goshawk.paper"},
     "goshawk.commands.plan": {"goshawk.terminal"},
-    "goshawk.commands.preflight": {"goshawk.terminal", "goshawk.commands.plan", "goshawk.commands.learn"},
+    "goshawk.commands.preflight": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.commands.map": {"goshawk.terminal", "goshawk.plot", "goshawk.commands.plan"},
     "goshawk.commands.learn": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.station_jobs": {
