@@ -180,15 +180,6 @@ def derivatives(spline: Spline, fractions: FloatArray) -> FloatArray:
     return np.stack([sampled(spline.states, spline.durations_s, fractions, r) for r in range(5)], axis=2)
 
 
-def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
-    """The NumPy reference of `coefficients`."""
-    T = np.asarray(durations_s, dtype=np.float64)
-    scaled = segment_states(states) * time_powers(T)[..., None]
-    on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)
-    on_unit[..., :ORDER] = np.swapaxes(scaled[:, :ORDER], 1, 2) / np.array([1.0, 1.0, 2.0, 6.0])
-    return on_unit / polynomial.powers(T, SIZE)[:, None]
-
-
 def trajectory(spline: Spline) -> Trajectory:
     """A flyable trajectory of a spline with axes x, y, z and yaw (0 where it has none)."""
     c = coefficients(spline.states, spline.durations_s)

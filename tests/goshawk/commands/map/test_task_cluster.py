@@ -50,16 +50,16 @@ def done(made: Cluster, folder: Path, numbers: list[int]) -> list[dict[str, np.n
     return [workers.arrays(file) for file in found]
 
 
-@pytest.fixture
-def two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    """Two workers; a task that ends one is not tried by others."""
-    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-    (tmp_path / "dask").mkdir()
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory):
+    """Two workers, which are started anew when they end; a task that ends one is not tried by others."""
     root = str(Path(__file__).parents[4])
-    with cluster(tmp_path / "dask", 0) as made:
-        for _ in range(2):
-            made.worker(PYTHONPATH=root)
-        yield made
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+        with cluster(tmp_path_factory.mktemp("dask"), 0) as made:
+            for _ in range(2):
+                made.worker(PYTHONPATH=root)
+            yield made
 
 
 def test_tasks_are_divided_among_workers_and_an_error_is_that_of_its_task(two, tmp_path):
