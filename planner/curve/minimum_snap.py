@@ -21,7 +21,6 @@ SIZE = 2 * ORDER
 """Coefficients of a segment."""
 POWERS = np.tile(np.arange(ORDER), 2)
 """Order of derivative of each of the eight numbers of a segment: (0, 1, 2, 3, 0, 1, 2, 3)."""
-_BAND = 6  # a knot couples with the next one: 3 + 3 unknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,34 +137,6 @@ def given(
         held[1:-1] = np.isfinite(velocity[1:-1]).all(axis=1)
         states[held > 0, 1] = velocity[held > 0]
     return states, held
-
-
-def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
-    """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-
-    if len(durations_s) == 1:
-        return
-    H = energy(durations_s)
-    states[1:-1, 1:] = 0.0
-    force = H @ segment_states(states)
-    right = -(force[:-1, 5:] + force[1:, 1:4])
-    factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
-    solved = cho_solve_banded((factor, True), right.reshape(-1, states.shape[2]), check_finite=False)
-    states[1:-1, 1:] = solved.reshape(-1, 3, states.shape[2])
-
-
-def _banded(H: FloatArray) -> FloatArray:
-    """The conditions for interior (v, a, j) in LAPACK's lower banded storage."""
-    diagonal = H[:-1, 5:, 5:] + H[1:, 1:4, 1:4]
-    below = H[1:-1, 5:, 1:4]
-    band = np.zeros((_BAND, 3 * len(diagonal)))
-    for row in range(3):
-        for column in range(3):
-            if row >= column:
-                band[row - column, column::3] = diagonal[:, row, column]
-            band[3 + row - column, column:-3:3] = below[:, row, column]
-    return band
 
 
 def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
