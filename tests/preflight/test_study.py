@@ -161,7 +161,7 @@ def test_a_wrong_scale_moves_the_walls_of_a_map_that_the_pose_is_not_one_in(dron
 def test_faults_are_named_and_taken_away(drone, curve, factor, given, effect):
     model = drone.with_effect("battery_sag", **effect) if effect else drone
     unsure = replace(EXACT, **given)
-    found = flown(model, curve, 1.0, uncertainty=unsure, flights=60, explain=False)
+    found = flown(model, curve, 1.0, uncertainty=unsure, flights=100, explain=False)
     assert found.dominating is not None
     assert found.dominating[0] == factor
     believed, sure = remedies.without(model, unsure, factor)
