@@ -20,6 +20,7 @@ from goshawk.commands.map.task_cluster import DaskWorkers
 from goshawk.commands.plan import cluster as dask_cluster
 from goshawk.rendered import world as rendered_world
 from mapping import stages, workers
+from tests import waiting
 from tests.goshawk.dask_cluster import Cluster, cluster, end
 from tests.goshawk.running import answer as goshawk
 
@@ -59,6 +60,7 @@ def two(tmp_path_factory: pytest.TempPathFactory):
         with cluster(tmp_path_factory.mktemp("dask"), 0) as made:
             for _ in range(2):
                 made.worker(PYTHONPATH=root)
+            waiting.until(made.listens, "the scheduler")
             yield made
 
 
