@@ -66,11 +66,6 @@ class Cluster:
         self.processes.append(process)
         return process
 
-    def listens(self) -> bool:
-        """Whether the scheduler has started."""
-        with socket.socket() as asked:
-            return asked.connect_ex(("127.0.0.1", self.port)) == 0
-
     def begun(self) -> list[str]:
         """Names of the missions that were begun, in order."""
         return [line.split()[0] for line in (self.folder / "begun").read_text().splitlines()]

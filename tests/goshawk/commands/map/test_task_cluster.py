@@ -20,7 +20,6 @@ from goshawk.commands.map.task_cluster import DaskWorkers
 from goshawk.commands.plan import cluster as dask_cluster
 from goshawk.rendered import world as rendered_world
 from mapping import stages, workers
-from tests import waiting
 from tests.goshawk.dask_cluster import Cluster, cluster, end
 from tests.goshawk.running import answer as goshawk
 
@@ -51,17 +50,16 @@ def done(made: Cluster, folder: Path, numbers: list[int]) -> list[dict[str, np.n
     return [workers.arrays(file) for file in found]
 
 
-@pytest.fixture(scope="module")
-def two(tmp_path_factory: pytest.TempPathFactory):
-    """Two workers, which are started anew when they end; a task that ends one is not tried by others."""
+@pytest.fixture
+def two(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Two workers; a task that ends one is not tried by others."""
+    monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
+    (tmp_path / "dask").mkdir()
     root = str(Path(__file__).parents[4])
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
-        with cluster(tmp_path_factory.mktemp("dask"), 0) as made:
-            for _ in range(2):
-                made.worker(PYTHONPATH=root)
-            waiting.until(made.listens, "the scheduler")
-            yield made
+    with cluster(tmp_path / "dask", 0) as made:
+        for _ in range(2):
+            made.worker(PYTHONPATH=root)
+        yield made
 
 
 def test_tasks_are_divided_among_workers_and_an_error_is_that_of_its_task(two, tmp_path):
