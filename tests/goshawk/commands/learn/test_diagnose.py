@@ -32,7 +32,7 @@ def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("diagnose")
     rng = np.random.default_rng(8)
     truth = flying.Truth(gust=0.1, extra=damping)
-    logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=7.0, rng=rng, rate_hz=100.0)
+    logs = flying.fly(truth, flying.paper_flights(rng, 2, 0.1), 6, duration_s=10.0, rng=rng, rate_hz=100.0)
     for name, i in (("vertical", 0), ("fast", 1), ("turning", 2), ("held_out", 4)):
         flight_log.save(folder / f"{name}.parquet", logs[i])
     vehicle.save(folder / "vehicle.toml", vehicle.example("rigter2019"))
