@@ -24,7 +24,6 @@ from firmware_bridge.dialect.generated.messages import (
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.line import LineMeter
 from firmware_bridge.mavlink import Codec, Received
-from firmware_bridge.patience import patience_s
 from flight import InputError, LinkError
 
 logger = logging.getLogger(__name__)
@@ -42,6 +41,18 @@ _LEASE_S = 3.0
 _LEAST_TRIES = 5  # on a stalled machine time runs out without the vehicle having had a chance
 _GROUND_STATION, _NO_AUTOPILOT = 6, 8
 _BUFFER_BYTES = 4 << 20  # a log download comes in bursts
+
+
+def patience_s(timeout_s: float) -> float:
+    """A time-out that is meant for an idle machine, as many times longer as the processors are over-subscribed.
+
+    The load is what the system reports for the last minute: processes that run or wait for a processor.
+    """
+    try:
+        load = os.getloadavg()[0]
+    except (AttributeError, OSError):  # not every system keeps count
+        load = 0.0
+    return timeout_s * max(1.0, load / (os.cpu_count() or 1))
 
 
 def is_loopback(host: str) -> bool:

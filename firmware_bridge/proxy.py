@@ -20,8 +20,7 @@ from typing import Self
 from firmware_bridge.dialect.generated.messages import Heartbeat, LeaseRequest, LeaseStatus, MissionStatus, Ping
 from firmware_bridge.dialect.message import Message
 from firmware_bridge.mavlink import Codec, Received, Signing
-from firmware_bridge.patience import patience_s
-from firmware_bridge.port import parse_url
+from firmware_bridge.port import parse_url, patience_s
 from flight import InputError, LinkError
 
 logger = logging.getLogger(__name__)

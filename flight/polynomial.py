@@ -83,13 +83,3 @@ def bernstein_from_seconds(coefficients: ArrayLike, duration_s: ArrayLike) -> Fl
     on_unit = scale_argument(coefficients, duration_s)
     n = on_unit.shape[-1]
     return portable.product(on_unit.reshape(-1, n), _bernstein_matrix(n).T).reshape(on_unit.shape)
-
-
-def seconds_from_bernstein(control_points: ArrayLike, duration_s: ArrayLike) -> FloatArray:
-    """The inverse of `bernstein_from_seconds`."""
-    points = np.asarray(control_points, dtype=np.float64)
-    matrix = np.broadcast_to(
-        _bernstein_matrix(points.shape[-1]), (*points.shape[:-1], points.shape[-1], points.shape[-1])
-    )
-    on_unit = portable.solve(matrix, points[..., None])[..., 0]
-    return scale_argument(on_unit, 1.0 / np.asarray(duration_s, dtype=np.float64))

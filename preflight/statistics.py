@@ -87,11 +87,6 @@ def decomposable(values: FloatArray) -> bool:
     return len(used) >= _LEAST and float(np.ptp(used)) > 0.0
 
 
-def variance_shares(values: FloatArray, factors: Mapping[str, FloatArray]) -> dict[str, float]:
-    """The share of the variance of (n,) values that each factor alone explains, as `adjusted_shares`; at least 0."""
-    return at_least_nil(adjusted_shares(values, factors))
-
-
 def at_least_nil(shares: Mapping[str, float]) -> dict[str, float]:
     """Shares, the largest first."""
     return dict(sorted(((name, max(0.0, share)) for name, share in shares.items()), key=lambda item: -item[1]))

@@ -56,7 +56,7 @@ ROOMS = {
     "goshawk.paper": {"goshawk.rendered", "goshawk.plot"},
     "goshawk.commands.project": {"goshawk.terminal", "goshawk.demo", "goshawk.paper"},
     "goshawk.commands.plan": {"goshawk.terminal"},
-    "goshawk.commands.preflight": {"goshawk.terminal", "goshawk.commands.plan", "goshawk.commands.learn"},
+    "goshawk.commands.preflight": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.commands.map": {"goshawk.terminal", "goshawk.plot", "goshawk.commands.plan"},
     "goshawk.commands.learn": {"goshawk.terminal", "goshawk.commands.plan"},
     "goshawk.station_jobs": {
@@ -91,7 +91,7 @@ ROOMS = {
 }
 """Rooms of a package that is large enough to have some, and which of its other rooms each may import."""
 CONTROLLER = ROOT / "firmware_bridge" / "controller" / "src"
-CONTROLLER_ROOMS = ["base", "trajectory", "control", "mission", "link/transport", "link/services", "link"]
+CONTROLLER_ROOMS = ["base", "trajectory", "upload", "control", "mission", "link/transport", "link/services", "link"]
 """Rooms of the embedded C, the lowest floor first: each may call and include those before it."""
 FLOORS = {
     "mapping.sparse": (".", "calibration", "mapper", "recorded_motion", "features"),

@@ -5,18 +5,15 @@ The Crazyflie itself flies on without its ground station, so something must outl
 
 import contextlib
 import math
-import multiprocessing
-import os
-import select
-import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 
 from firmware_bridge.crazyflie.client import Client
 from firmware_bridge.crazyflie.crtp import UdpTransport, endpoint
 from firmware_bridge.crazyflie.flight import Flight, Seen
+from firmware_bridge.own_process import begun, has_room, outlive_the_terminal
 from flight import FlightError, FlightLog, LinkError, Progress, Trajectory
 
 _POLL_S = 0.1
@@ -85,29 +82,6 @@ def fly(
         return _until_flown(line, progress, cancel, stop, told)
 
 
-@contextlib.contextmanager
-def begun(main: Callable[..., None], first: object, *, name: str) -> Iterator[Connection]:
-    """The line to a new process that runs `main(first, its end of the line)`; at the end, waits until it is over."""
-    context = multiprocessing.get_context("spawn")
-    ours, theirs = context.Pipe()
-    process = context.Process(target=main, args=(first, theirs), name=name)
-    process.start()
-    theirs.close()
-    try:
-        yield ours
-    finally:
-        ours.close()
-        process.join()
-
-
-def outlive_the_terminal() -> None:
-    """No signal of the terminal that started this process ends it."""
-    with contextlib.suppress(OSError):
-        os.setsid()
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
-
-
 def _until_flown(
     line: Connection, progress: Progress, cancel: Callable[[], bool], stop: Callable[[], bool],
     told: Callable[[Seen], None],
@@ -135,14 +109,6 @@ def _until_flown(
             told(said)
         else:
             progress(*said)
-
-
-def has_room(line: Connection) -> bool:
-    """Whether a short message can be sent without waiting for whoever reads."""
-    try:
-        return bool(select.select([], [line.fileno()], [], 0.0)[1])
-    except (OSError, ValueError):
-        return False  # closed
 
 
 def _main(order: Order, line: Connection) -> None:

@@ -92,6 +92,12 @@ take_over_option = click.option("--take-over", is_flag=True, help="Take control 
 key_option = path_option("--key", "key_file", "Key file that signs the link [default: ~/.config/goshawk/link.key].")
 
 
+def gust_option(untold: str, default: float | None = None) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """`--gust-std`, whose help says what is taken where it is not given."""
+    said = f"Standard deviation of gusts, m/s [default: {untold}]."
+    return click.option("--gust-std", "gust_std_m_s", type=click.FloatRange(min=0.0), default=default, help=said)
+
+
 def body_options(radius_m: float | None, margin_m: float | None) -> "PlanOptions":
     """The planner's options with --radius and --margin where they are given."""
     from planner import PlanOptions

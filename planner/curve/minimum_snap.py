@@ -21,7 +21,6 @@ SIZE = 2 * ORDER
 """Coefficients of a segment."""
 POWERS = np.tile(np.arange(ORDER), 2)
 """Order of derivative of each of the eight numbers of a segment: (0, 1, 2, 3, 0, 1, 2, 3)."""
-_BAND = 6  # a knot couples with the next one: 3 + 3 unknowns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,34 +139,6 @@ def given(
     return states, held
 
 
-def solve_numpy(states: FloatArray, durations_s: FloatArray) -> None:
-    """The NumPy reference of the kernel: fills in the interior v, a, j of knot states (k + 1, 4, axes)."""
-    from scipy.linalg import cho_solve_banded, cholesky_banded
-
-    if len(durations_s) == 1:
-        return
-    H = energy(durations_s)
-    states[1:-1, 1:] = 0.0
-    force = H @ segment_states(states)
-    right = -(force[:-1, 5:] + force[1:, 1:4])
-    factor = cholesky_banded(_banded(H), lower=True, check_finite=False, overwrite_ab=True)
-    solved = cho_solve_banded((factor, True), right.reshape(-1, states.shape[2]), check_finite=False)
-    states[1:-1, 1:] = solved.reshape(-1, 3, states.shape[2])
-
-
-def _banded(H: FloatArray) -> FloatArray:
-    """The conditions for interior (v, a, j) in LAPACK's lower banded storage."""
-    diagonal = H[:-1, 5:, 5:] + H[1:, 1:4, 1:4]
-    below = H[1:-1, 5:, 1:4]
-    band = np.zeros((_BAND, 3 * len(diagonal)))
-    for row in range(3):
-        for column in range(3):
-            if row >= column:
-                band[row - column, column::3] = diagonal[:, row, column]
-            band[3 + row - column, column:-3:3] = below[:, row, column]
-    return band
-
-
 def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
     """Ascending coefficients in seconds, (k, axes, 8), from knot states (k + 1, 4, axes)."""
     found = np.empty((len(durations_s), states.shape[2], SIZE))
@@ -178,15 +149,6 @@ def coefficients(states: FloatArray, durations_s: FloatArray) -> FloatArray:
 def derivatives(spline: Spline, fractions: FloatArray) -> FloatArray:
     """(k, n, 5, axes): the path and four derivatives by time at fractions (n,) of each segment."""
     return np.stack([sampled(spline.states, spline.durations_s, fractions, r) for r in range(5)], axis=2)
-
-
-def coefficients_numpy(states: FloatArray, durations_s: FloatArray) -> FloatArray:
-    """The NumPy reference of `coefficients`."""
-    T = np.asarray(durations_s, dtype=np.float64)
-    scaled = segment_states(states) * time_powers(T)[..., None]
-    on_unit = np.einsum("ab,kbx->kxa", monomials_from_states(), scaled)
-    on_unit[..., :ORDER] = np.swapaxes(scaled[:, :ORDER], 1, 2) / np.array([1.0, 1.0, 2.0, 6.0])
-    return on_unit / polynomial.powers(T, SIZE)[:, None]
 
 
 def trajectory(spline: Spline) -> Trajectory:

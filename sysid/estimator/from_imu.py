@@ -19,7 +19,7 @@ from sysid.estimator.joint_problem.unknowns import Unknowns, chosen_names, senso
 from sysid.estimator.motors import rotor_speed
 from sysid.estimator.options import Options
 from sysid.estimator.result import Identification, conclude
-from sysid.estimator.trajectory.states import first_guess
+from sysid.estimator.trajectory.states import States, first_guess
 from sysid.estimator.uncertainty import identifiable
 from sysid.estimator.uncertainty.errors import NORMAL_90
 from sysid.estimator.uncertainty.unsettled import Unsettled, not_identifiable
@@ -83,7 +83,8 @@ def identify(
     first, second = (within(progress, "identify", *part) for part in ((0.0, 0.6), (0.6, 1.0)))
     found = _identified(flights, vehicle, options, given, first, others, near)
     try:
-        damped = _identified(flights, vehicle.with_effect(INFLOW), options, given, second, others, found)
+        states = found.solution.point.states
+        damped = _identified(flights, vehicle.with_effect(INFLOW), options, given, second, others, found, states)
     except InputError as error:
         logger.info("%s could not be fitted: %s", INFLOW, error)
         return found
@@ -108,8 +109,13 @@ def _identified(
     progress: Progress,
     effects: Sequence[str],
     near: Identification | None,
+    states: tuple[States, ...] | None = None,
 ) -> Identification:
-    """One fit, in which those of `effects` are added that the flights show."""
+    """One fit, in which those of `effects` are added that the flights show.
+
+    Args:
+        states: what the IMU alone shows of these flights, where that is known already.
+    """
     flights = [with_delays(flight) for flight in flights]
     tried = [] if options.free is not None else _tried(flights, vehicle, effects)
     started = vehicle
@@ -125,7 +131,7 @@ def _identified(
     names = tuple(name for name in names if DAMPING not in tried or name not in SIDEWAYS)
     mute = _mute(flights, started, names)
     unknowns = _unknowns(flights, tuple(name for name in names if name not in mute))
-    states = tuple(first_guess(f, np.zeros(3), rotations.IDENTITY) for f in flights)
+    states = states or tuple(first_guess(f, np.zeros(3), rotations.IDENTITY) for f in flights)
     flights = [airspeed.with_climb(flight, s) for flight, s in zip(flights, states, strict=True)]
     sensors = near.solution.point.sensors if near else sensor_values(started)
     point, held, close = Point(started, sensors, states), list(mute), near is not None

@@ -88,7 +88,9 @@ def test_wrong_usage_is_one_sentence(images: Path):
     assert "--out" in refused("map", "build", images, "--camera", images / "camera.toml")
 
 
-@pytest.mark.parametrize("stage", ["finding features", "placing images", "dense depth"])
+@pytest.mark.parametrize(
+    "stage", ["finding features", pytest.param("placing images", marks=pytest.mark.slow), "dense depth"]
+)
 def test_ctrl_c_leaves_the_earlier_map_and_nothing_else(images: Path, earlier: Path, tmp_path: Path, stage: str):
     before = hashes(earlier)
     code, said, _ = interrupted(images, earlier, tmp_path / "tmp", stage)

@@ -93,7 +93,7 @@ def test_a_wall_out_of_reach_is_a_go_that_counting_would_need_more_flights_for(d
 
 
 def test_what_was_planted_is_named_of_the_flights_that_are_lost(drone):
-    found = flown(drone, 0.16, uncertainty=replace(EXACT, localization_std_m=0.05))
+    found = flown(drone, 0.14, uncertainty=replace(EXACT, localization_std_m=0.05))
     assert found.rare.risk.reached
     assert found.lost.estimate < 0.01
     assert found.dominating[0] == "localization"
@@ -101,7 +101,7 @@ def test_what_was_planted_is_named_of_the_flights_that_are_lost(drone):
 
 
 def test_gusts_of_which_no_number_tells_are_followed_and_named(drone):
-    found = flown(drone, 0.09, risk=1e-5, uncertainty=replace(EXACT, gust_std_m_s=1.5))
+    found = flown(drone, 0.06, risk=1e-5, uncertainty=replace(EXACT, gust_std_m_s=1.5))
     assert found.rare.risk.reached
     assert found.lost.estimate < 0.05
     assert found.dominating[0] == "gusts or sensor noise"  # which of them the lost flights' numbers do not tell

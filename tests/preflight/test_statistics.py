@@ -8,6 +8,10 @@ from preflight import statistics
 from preflight.statistics import Probability
 
 
+def shares_of(values, factors):
+    return statistics.at_least_nil(statistics.adjusted_shares(values, factors))
+
+
 def test_nothing_in_n_flights_shows_three_over_n_and_no_less():
     for n in (10, 300, 2995):
         assert statistics.upper_bound(0, n) == pytest.approx(3.0 / n, rel=0.15)
@@ -41,7 +45,7 @@ def test_the_shares_of_a_sum_are_those_of_its_terms():
     rng = np.random.default_rng(1)
     a, b, c, idle = rng.standard_normal((4, 4000, 1))
     value = 3.0 * a[:, 0] + 2.0 * (b[:, 0] ** 2 - 1.0) + rng.standard_normal(4000)  # variances 9, 8, 1
-    shares = statistics.variance_shares(value, {"idle": idle, "a": a, "b": b, "c": c})
+    shares = shares_of(value, {"idle": idle, "a": a, "b": b, "c": c})
     assert list(shares)[:2] == ["a", "b"]
     assert shares["a"] == pytest.approx(9 / 18, abs=0.04)
     assert shares["b"] == pytest.approx(8 / 18, abs=0.06)
@@ -51,7 +55,7 @@ def test_the_shares_of_a_sum_are_those_of_its_terms():
 def test_a_direction_is_one_factor():
     rng = np.random.default_rng(2)
     wind = rng.standard_normal((2000, 2))
-    shares = statistics.variance_shares(wind[:, 0] * wind[:, 1], {"wind": wind, "idle": rng.standard_normal((2000, 3))})
+    shares = shares_of(wind[:, 0] * wind[:, 1], {"wind": wind, "idle": rng.standard_normal((2000, 3))})
     assert shares["wind"] > 0.95
 
 
@@ -59,15 +63,15 @@ def test_what_turns_round_on_both_sides_is_explained_too():
     rng = np.random.default_rng(3)
     a, b = rng.standard_normal((2, 300, 1))
     value = (a**3 - 3.0 * a)[:, 0] + b[:, 0]  # no line and no square has a part in it
-    shares = statistics.variance_shares(value, {"b": b, "a": a})
+    shares = shares_of(value, {"b": b, "a": a})
     assert next(iter(shares)) == "a"
     assert shares["a"] == pytest.approx(6.0 / 7.0, abs=0.1)
 
 
 def test_too_few_or_equal_values_explain_nothing():
     z = np.random.default_rng(3).standard_normal((40, 1))
-    assert statistics.variance_shares(np.ones(40), {"a": z}) == {}
-    assert statistics.variance_shares(z[:10, 0], {"a": z[:10]}) == {}
+    assert shares_of(np.ones(40), {"a": z}) == {}
+    assert shares_of(z[:10, 0], {"a": z[:10]}) == {}
 
 
 def test_a_factor_that_repeats_itself_explains_no_more_than_once():
@@ -76,8 +80,8 @@ def test_a_factor_that_repeats_itself_explains_no_more_than_once():
     a, b = rng.standard_normal((2, 450, 1))
     sign = np.where(b > 0.0, 1.0, -1.0)
     value = a[:, 0] + sign[:, 0] + 0.5 * rng.standard_normal(450)
-    once = statistics.variance_shares(value, {"a": a, "sign": sign})
-    again = statistics.variance_shares(value, {"a": np.column_stack([a, 2.0 * a]), "sign": sign})
+    once = shares_of(value, {"a": a, "sign": sign})
+    again = shares_of(value, {"a": np.column_stack([a, 2.0 * a]), "sign": sign})
     assert again["a"] == pytest.approx(once["a"], abs=1e-9)
     assert once["sign"] == pytest.approx(1.0 / 2.25, abs=0.06)
 
@@ -87,7 +91,7 @@ def test_a_factor_of_half_as_many_columns_as_values_explains_nothing():
     rng = np.random.default_rng(7)
     for values, shown in ((88, False), (89, True)):
         draws = rng.standard_normal((values, 8))
-        shares = statistics.variance_shares(draws[:, 0], {"many": draws})
+        shares = shares_of(draws[:, 0], {"many": draws})
         assert (shares["many"] > 0.99) == shown
 
 

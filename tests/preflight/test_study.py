@@ -65,10 +65,10 @@ def test_a_wider_body_and_a_nearer_wall_never_lower_the_risk(drone, curve):
     ],
 )
 def test_what_was_planted_decides_most_and_its_removal_takes_the_risk_away(drone, curve, factor, given):
-    found = flown(drone, curve, 0.27, uncertainty=replace(EXACT, **given), flights=150)
+    found = flown(drone, curve, 0.27, uncertainty=replace(EXACT, **given), flights=90)
     assert found.dominating is not None
     assert found.dominating[0] == factor
-    assert found.touched.count > 10
+    assert found.touched.count > 6
     assert found.removed is not None
     assert found.removed.factor == factor
     assert found.removed.risk.count < 0.2 * found.lost.count
@@ -171,7 +171,7 @@ def test_faults_are_named_and_taken_away(drone, curve, factor, given, effect):
 
 
 def test_gusts_are_named_though_no_number_drawn_before_tells_them(drone, curve):
-    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=2.0), flights=200)
+    found = flown(drone, curve, 1.0, uncertainty=replace(EXACT, gust_std_m_s=2.0), flights=100)
     assert found.dominating is not None
     assert found.dominating[0] == remedies.GUSTS
     assert found.dominating[1] > 0.5

@@ -29,7 +29,7 @@ def flying():
 def campaign(flying, made_once) -> list[FlightLog]:
     def fly(folder: Path) -> None:
         rng = np.random.default_rng(7)
-        logs = flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=16.0, rng=rng, rate_hz=100.0)
+        logs = flying.fly(flying.Truth(), flying.paper_flights(rng), 3, duration_s=11.0, rng=rng, rate_hz=100.0)
         for i, log in enumerate(logs):
             flight_log.save(folder / f"{i}.parquet", log)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from typing import cast
 
-from firmware_bridge.crazyflie.process import begun, has_room, outlive_the_terminal
+from firmware_bridge.own_process import begun, has_room, outlive_the_terminal
 from flight import FlightError, FlightLog, LinkError, Progress
 from gcs_web.vehicle.foreign import Asked, Seen
 

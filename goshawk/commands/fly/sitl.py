@@ -47,14 +47,7 @@ LONGEST_DELAY_S = 60.0
 @click.option("--loss", "loss_ratio", default=0.0, show_default=True, help="Share of datagrams lost each way.")
 @click.option("--delay", "delay_s", default=0.0, show_default=True, help="Delay of datagrams each way, seconds.")
 @click.option("--wind", default="0,0,0", show_default=True, help="Steady wind, x,y,z or x alone (world, m/s).")
-@click.option(
-    "--gust-std",
-    "gust_std_m_s",
-    type=click.FloatRange(min=0.0),
-    default=0.0,
-    show_default=True,
-    help="Standard deviation of gusts, m/s.",
-)
+@console.gust_option("0.0", 0.0)
 @click.option(
     "--mass-ratio", "mass_ratio", type=click.FloatRange(0.5, 1.5), default=1.0, help="True mass over the file's."
 )

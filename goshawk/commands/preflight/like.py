@@ -9,7 +9,7 @@ import preflight
 from firmware_bridge.airborne import in_the_air
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import FlightLog, InputError
-from goshawk.commands.learn import lasting_offers
+from goshawk import flown_with
 from goshawk.terminal import console
 from sysid.estimator.validation.steady import Steady
 from sysid.logs import conditions
@@ -117,8 +117,8 @@ class _Blown:
         observed = [log for log in logs if models and log.has("observer_state")]
         return _Blown(
             told,
-            foreign=any(lasting_offers.flown_with(log, models) is None for log in observed),
-            unnamed=any(not lasting_offers.named(log) for log in observed),
+            foreign=any(flown_with.model_of(log, models) is None for log in observed),
+            unnamed=any(not flown_with.named(log) for log in observed),
         )
 
     def sentences(self, flights: str) -> tuple[str, ...]:
@@ -130,8 +130,8 @@ class _Blown:
 
 
 def _lasted(log: FlightLog, models: Mapping[Path, Vehicle]) -> Steady | None:
-    path = lasting_offers.flown_with(log, models) if log.has("observer_state") else None
-    return None if path is None else lasting_offers.of_flight(log, models[path])
+    path = flown_with.model_of(log, models) if log.has("observer_state") else None
+    return None if path is None else flown_with.lasted(log, models[path])
 
 
 def _read(path: Path) -> FlightLog:

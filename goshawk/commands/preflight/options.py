@@ -9,7 +9,7 @@ import click
 import preflight
 from goshawk.commands.preflight import inputs
 from goshawk.commands.preflight.like import Like
-from goshawk.terminal import outputs
+from goshawk.terminal import console, outputs
 from goshawk.terminal.records import options_as
 from preflight import core
 from vehicle import Vehicle
@@ -23,12 +23,7 @@ _OPTIONS = (
         "--rare", is_flag=True, help="Estimate by levels of ever nearer flights [default: for risks below 0.001]."
     ),
     click.option("--risk", type=float, default=1e-3, show_default=True, help="Probability of a loss that is accepted."),
-    click.option(
-        "--gust-std",
-        "gust_std_m_s",
-        type=click.FloatRange(min=0.0),
-        help="Standard deviation of gusts, m/s [default: none, or as of --like].",
-    ),
+    console.gust_option("none, or as of --like"),
     click.option(
         "--thermals",
         "thermal_std_m_s",

@@ -56,53 +56,6 @@ class Rows:
         return defect, sensor
 
 
-@dataclass(frozen=True, slots=True)
-class Normal:
-    """Normal equations of one flight."""
-
-    diagonal: FloatArray
-    """(k + 1, s, s)."""
-    coupling: FloatArray
-    """(k, s, s), rows of the later node, columns of the earlier."""
-    border: FloatArray
-    """(k + 1, s, p)."""
-    gradient: FloatArray
-    """(k + 1, s)."""
-    border_hessian: FloatArray
-    """(p, p)."""
-    border_gradient: FloatArray
-    """(p,)."""
-
-
-def normal_equations(rows: Rows) -> Normal:
-    """J^T J and J^T r in blocks: with `factored`, the plain twin of `eliminate`."""
-    before_t = np.swapaxes(rows.defect_before, 1, 2)
-    after_t = np.swapaxes(rows.defect_after, 1, 2)
-    sensor_t = np.swapaxes(rows.sensor_state, 1, 2)
-    right = np.concatenate([rows.defect_border, rows.defect[:, :, None]], axis=2)
-    columns = sensor_t @ np.concatenate([rows.sensor_border, rows.sensor[:, :, None]], axis=2)
-    columns[:-1] += before_t @ right
-    columns[1:] += after_t @ right
-    diagonal = sensor_t @ rows.sensor_state
-    diagonal[:-1] += before_t @ rows.defect_before
-    diagonal[1:] += after_t @ rows.defect_after
-    flat = np.concatenate([right.reshape(-1, right.shape[2]), _with_residual(rows)])
-    square = flat.T @ flat
-    return Normal(
-        diagonal=diagonal,
-        coupling=after_t @ rows.defect_before,
-        border=columns[:, :, :-1],
-        gradient=columns[:, :, -1],
-        border_hessian=square[:-1, :-1],
-        border_gradient=square[:-1, -1],
-    )
-
-
-def _with_residual(rows: Rows) -> FloatArray:
-    both = np.concatenate([rows.sensor_border, rows.sensor[:, :, None]], axis=2)
-    return both.reshape(-1, both.shape[2])
-
-
 class Factor:
     """Cholesky factor of a block-tridiagonal matrix, ready to solve with."""
 
@@ -208,18 +161,3 @@ def eliminate(rows: Rows) -> Eliminated:
     )
     _require_determined(bad)
     return Eliminated(Factor(diagonal, coupling), half, reduced[:-1, :-1], reduced[:-1, -1])
-
-
-def solve_numpy(diagonal: FloatArray, coupling: FloatArray, columns: FloatArray) -> FloatArray:
-    """The plain twin of `Factor(...).solve`, by LAPACK's banded Cholesky."""
-    from scipy.linalg import solveh_banded
-
-    nodes, size = diagonal.shape[:2]
-    tall = np.zeros((nodes, 2 * size, size))
-    tall[:, :size] = diagonal
-    tall[:-1, size:] = coupling
-    band = np.zeros((2 * size, nodes, size))
-    for c in range(size):
-        band[: 2 * size - c, :, c] = tall[:, c:, c].T
-    flat = columns.reshape(nodes * size, -1)
-    return solveh_banded(band.reshape(2 * size, -1), flat, lower=True).reshape(columns.shape)

@@ -82,16 +82,37 @@ def driven(flight: Flight, vehicle: Vehicle) -> Flight:
 
 def slopes(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:
     """Derivatives (k, r, p) of mean rotor speed and mean rotor acceleration by the named parameters."""
-    by_speed, by_acceleration = np.zeros((2, len(flight) - 1, flight.rotor_speed_rad_s.shape[1], len(names)))
-    own = [i for i, name in enumerate(names) if name in parameters(vehicle)]
+    own = [name for name in names if name in parameters(vehicle)]
     if not flight.driven_by_command or not own:
+        by_speed, by_acceleration = np.zeros((2, len(flight) - 1, flight.rotor_speed_rad_s.shape[1], len(names)))
         return by_speed, by_acceleration
     if _own_effects(vehicle):
-        found = _differences(flight, vehicle, [names[i] for i in own])
-    else:
-        columns = [PARAMETERS.index(names[i]) for i in own]
-        found = [values[:, :, columns] for values in lagged(flight, vehicle)[2:]]
-    by_speed[:, :, own], by_acceleration[:, :, own] = found
+        return _among(names, own, _differences(flight, vehicle, own))
+    return _among(names, own, _of_catalogue(lagged(flight, vehicle)[2:], own))
+
+
+def driven_with_slopes(
+    flight: Flight, vehicle: Vehicle, names: tuple[str, ...]
+) -> tuple[Flight, FloatArray, FloatArray]:
+    """`driven` and `slopes` of a flight that commands drive: of the catalogue's motors by one run."""
+    own = [name for name in names if name in parameters(vehicle)]
+    if not own or _own_effects(vehicle):
+        return driven(flight, vehicle), *slopes(flight, vehicle, names)
+    speed, acceleration, *by = lagged(flight, vehicle)
+    turned = replace(flight, rotor_speed_rad_s=speed, rotor_acceleration_rad_s2=acceleration)
+    return turned, *_among(names, own, _of_catalogue(by, own))
+
+
+def _of_catalogue(by: Sequence[FloatArray], own: Sequence[str]) -> list[FloatArray]:
+    columns = [PARAMETERS.index(name) for name in own]
+    return [values[:, :, columns] for values in by]
+
+
+def _among(names: Sequence[str], own: Sequence[str], by_own: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (k, r, len(own)) of speed and acceleration in their places among all names."""
+    by_speed, by_acceleration = np.zeros((2, *by_own[0].shape[:2], len(names)))
+    places = [names.index(name) for name in own]
+    by_speed[:, :, places], by_acceleration[:, :, places] = by_own
     return by_speed, by_acceleration
 
 

@@ -52,7 +52,7 @@ def with_climb(flight: Flight, states: States) -> Flight:
 
 def felt(flight: Flight, point: Point, states: States) -> list[FloatArray]:
     """(k, 6) of each cause: specific force and angular acceleration that are not in the model."""
-    driven = rotors.turned(flight, point.vehicle, (), point.sensors).flight
+    driven = rotors.driven(flight, point.vehicle, point.sensors)
     still, velocity = resting(flight), velocity_body_m_s(flight, states)
     moving = replace(still, velocity_world_m_s=velocity, velocity_body_m_s=velocity)
     hover_rad_s = float(np.sqrt(np.mean(driven.rotor_speed_rad_s**2)))

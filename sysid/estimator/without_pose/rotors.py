@@ -36,6 +36,18 @@ def driving(flight: Flight) -> str:
     return rotor_speed.QUANTITY if rotor_speed.QUANTITY in flight.streams else motor.QUANTITY
 
 
+def driven(flight: Flight, vehicle: Vehicle, values: Mapping[str, float]) -> Flight:
+    """The flight with mean rotor speed and acceleration over its intervals.
+
+    Args:
+        values: delays, by name.
+    """
+    if not flight.driven_by_command:
+        return rotor_speed.aligned(flight, values)
+    parts = _parts(flight)
+    return _joined(flight, motor.driven(_refined(flight, parts, values), vehicle), parts)
+
+
 def turned(flight: Flight, vehicle: Vehicle, model: tuple[str, ...], values: Mapping[str, float]) -> Turned:
     """Args: model: parameters of the vehicle, of which the motors' are differentiated by."""
     if not flight.driven_by_command:
@@ -44,16 +56,10 @@ def turned(flight: Flight, vehicle: Vehicle, model: tuple[str, ...], values: Map
         return Turned(aligned, (), speed[:, :, None], change[:, :, None])
     names = tuple(name for name in model if name in motor.parameters(vehicle))
     parts = _parts(flight)
-    fine = rotor_speed.aligned(_refined(flight, parts), values)
-    fine = motor.driven(fine, vehicle)
-    slopes, late = motor.slopes(fine, vehicle, names), motor.by_delay(fine)
-    by = [_coarse(np.concatenate([s, d[:, :, None]], axis=2), parts) for s, d in zip(slopes, late, strict=True)]
-    coarse = replace(
-        flight,
-        rotor_speed_rad_s=_coarse(fine.rotor_speed_rad_s, parts),
-        rotor_acceleration_rad_s2=_coarse(fine.rotor_acceleration_rad_s2, parts),
-    )
-    return Turned(coarse, names, *by)
+    fine, *slopes = motor.driven_with_slopes(_refined(flight, parts, values), vehicle, names)
+    both = zip(slopes, motor.by_delay(fine), strict=True)
+    by = [_coarse(np.concatenate([s, late[:, :, None]], axis=2), parts) for s, late in both]
+    return Turned(_joined(flight, fine, parts), names, *by)
 
 
 def _parts(flight: Flight) -> int:
@@ -61,20 +67,30 @@ def _parts(flight: Flight) -> int:
     return max(1, round(float(np.median(flight.step_s)) / FINEST_S))
 
 
-def _refined(flight: Flight, parts: int) -> Flight:
-    """The flight with its intervals divided; only what drives it is of use."""
+def _refined(flight: Flight, parts: int, values: Mapping[str, float]) -> Flight:
+    """The flight with its intervals divided, its commands as late as they are; only what drives it is of use."""
     share = np.arange(parts) / parts
     time_s = np.append((flight.time_s[:-1, None] + flight.step_s[:, None] * share).ravel(), flight.time_s[-1])
     before = flight.lead_in
     if before is not None:
         step_s, volts = np.repeat(before.step_s / parts, parts), np.repeat(before.battery_v, parts)
         before = LeadIn(step_s, np.repeat(before.rotor_command_rad_s, parts, axis=0), volts)
-    return replace(
+    fine = replace(
         flight,
         time_s=time_s,
         rotor_command_rad_s=np.repeat(flight.rotor_command_rad_s, parts, axis=0),
         battery_v=np.repeat(flight.battery_v, parts),
         lead_in=before,
+    )
+    return rotor_speed.aligned(fine, values)
+
+
+def _joined(flight: Flight, fine: Flight, parts: int) -> Flight:
+    """The flight with the mean speed and acceleration of its divided intervals."""
+    return replace(
+        flight,
+        rotor_speed_rad_s=_coarse(fine.rotor_speed_rad_s, parts),
+        rotor_acceleration_rad_s2=_coarse(fine.rotor_acceleration_rad_s2, parts),
     )
 
 

@@ -64,7 +64,7 @@ def left(flight: Flight, vehicle: Vehicle, values: Mapping[str, float]) -> Float
     """
     mid = climbing(flight)
     felt, turned = (
-        along(vehicle, rotors.turned(flight, vehicle, (), v).flight, mid) for v in (_when_felt(flight, values), values)
+        along(vehicle, rotors.driven(flight, vehicle, v), mid) for v in (_when_felt(flight, values), values)
     )
     return measured(flight) - _seen(flight, mid, felt, turned, values)
 
@@ -143,7 +143,7 @@ def shown_at_rest(flight: Flight, vehicle: Vehicle, names: tuple[str, ...]) -> t
 
     The others would be judged by an air speed that nobody measured.
     """
-    driven = rotors.turned(flight, vehicle, (), {}).flight
+    driven = rotors.driven(flight, vehicle, {})
     still = resting(flight)
     away = replace(
         still,

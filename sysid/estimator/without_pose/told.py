@@ -122,7 +122,7 @@ def _reached(flights: Sequence[Flight], solution: Solution) -> FloatArray:
     point = solution.point
     return np.concatenate(
         [
-            rotors.turned(f, point.vehicle, (), point.sensors).flight.rotor_speed_rad_s.ravel() / f.full_throttle_rad_s
+            rotors.driven(f, point.vehicle, point.sensors).rotor_speed_rad_s.ravel() / f.full_throttle_rad_s
             for f in flights
             if f.full_throttle_rad_s is not None
         ]

@@ -13,7 +13,7 @@ from firmware_bridge.controller import LinkLoss
 from firmware_bridge.dialect.generated.messages import Command, MissionState, State
 from firmware_bridge.impairment import Impairment
 from firmware_bridge.link import CancelledError, connect
-from firmware_bridge.patience import patience_s
+from firmware_bridge.port import patience_s
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import InputError, LinkError
 from tests import waiting

@@ -58,7 +58,7 @@ def test_a_planted_error_is_the_one_found(camera: str, kind: Kind, true: Rig, ho
     assert found.noise_px == pytest.approx(NOISE_PX, rel=0.1)
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.1])
+@pytest.mark.parametrize("factor", [0.9, pytest.param(1.1, marks=pytest.mark.slow)])
 def test_a_focal_length_that_is_far_off_is_found(factor: float) -> None:
     """Far from linear: full steps of the adjustment diverge from here."""
     told = RIG

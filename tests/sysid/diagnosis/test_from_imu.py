@@ -12,7 +12,7 @@ from sysid.diagnosis.from_imu import diagnose
 from sysid.estimator.options import Options
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
-RATE_HZ, DURATION_S = 250.0, 18.0
+RATE_HZ, DURATION_S = 250.0, 12.0
 SOUND, WEAK, UNEQUAL, OFF_CENTRE = range(4)
 LOSSES = ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.05, 0.0), (-0.04, 0.05, 0.0, 0.03), (0.0, 0.0, 0.0, 0.0))
 CENTRE_M = ((0.0, 0.0), (0.0, 0.0), (0.0, 0.0), (0.003, -0.001))

@@ -24,7 +24,7 @@ def folder(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("imu")
     rng, truth = np.random.default_rng(3), flights.body().with_effect("centre_of_mass", x_m=0.003, y_m=0.0)
     recorder = flights.Recorder(rate_hz=250.0)
-    (log,) = flights.flown(truth, flights.drawn(1, rng), rng, duration_s=15.0, recorder=recorder)
+    (log,) = flights.flown(truth, flights.drawn(1, rng), rng, duration_s=10.0, recorder=recorder)
     flight_log.save(folder / "stick.parquet", log)
     vehicle.save(folder / "vehicle.toml", flights.start())
     return folder

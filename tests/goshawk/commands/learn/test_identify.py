@@ -29,7 +29,7 @@ def folder(tmp_path_factory) -> Path:
     spec.loader.exec_module(flying)
     folder = tmp_path_factory.mktemp("identify")
     rng = np.random.default_rng(8)
-    logs = flying.fly(flying.Truth(), flying.paper_flights(rng, 2, 0.1), 6, duration_s=9.0, rng=rng, rate_hz=100.0)
+    logs = flying.fly(flying.Truth(), flying.paper_flights(rng, 2, 0.1), 6, duration_s=6.0, rng=rng, rate_hz=100.0)
     for i, log in enumerate(logs):
         flight_log.save(folder / f"trial{i // 3 + 1}-{STAGES[i % 3]}.parquet", log)
     believed = vehicle.example("rigter2019").with_value("inertia_xx_kg_m2", 0.004)

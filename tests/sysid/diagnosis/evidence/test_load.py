@@ -59,7 +59,7 @@ PARTLY = (False, True, False, True)
 
 @pytest.fixture(scope="module")
 def partly() -> list[FlightLog]:
-    return flights(PARTLY, 11, 16.0)
+    return flights(PARTLY, 11, 10.0)
 
 
 @pytest.fixture(scope="module")

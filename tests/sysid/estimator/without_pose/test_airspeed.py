@@ -19,7 +19,7 @@ def fitted():
     import without_pose_flights as flights
 
     rng = np.random.default_rng(21)
-    (log,) = flights.flown(flights.body(), flights.drawn(1, rng), rng, duration_s=12.0)
+    (log,) = flights.flown(flights.body(), flights.drawn(1, rng), rng, duration_s=8.0)
     return sysid.identify([log], flights.start())
 
 

@@ -18,7 +18,7 @@ MASS_KG, GRAVITY = 0.65, 9.80665
 
 
 class Twin:
-    """A vehicle, its log of 12 s, and what is true of it."""
+    """A vehicle, its log of 8 s, and what is true of it."""
 
     def __init__(self) -> None:
         import without_pose_flights as flights
@@ -27,7 +27,7 @@ class Twin:
         self.values = flights.drawn(1, rng)
         self.k, self.slope = self.values["thrust_quadratic.k_n_s2"][0], body.value("thrust_affine.slope_n_s")
         self.full, self.start = flights.FULL_RAD_S, flights.start()
-        (self.log,) = flights.flown(body, self.values, rng, duration_s=12.0)
+        (self.log,) = flights.flown(body, self.values, rng, duration_s=8.0)
         ratio = np.linspace(0.1, 1.0, 2000)
         self.hover = float(np.interp(MASS_KG * GRAVITY / 4.0, self.thrust_n(ratio), ratio))
 
@@ -134,7 +134,7 @@ def test_where_yaw_shows_only_a_ratio_the_shape_of_a_multirotor_settles_its_iner
     values = flights.drawn(1, rng)
     values["inertia_yy_kg_m2"] = values["inertia_xx_kg_m2"]
     values["inertia_zz_kg_m2"] = 1.6 * values["inertia_xx_kg_m2"]
-    (log,) = flights.flown(flights.body(), values, rng, duration_s=12.0, effort=(1.0, 0.1, 0.1))
+    (log,) = flights.flown(flights.body(), values, rng, duration_s=8.0, effort=(1.0, 0.1, 0.1))
     estimate = sysid.identify([log], flights.start()).estimate("inertia_zz_kg_m2")
     truth = values["inertia_zz_kg_m2"][0]
     assert abs(estimate.value - truth) < estimate.interval90 < 0.5 * truth

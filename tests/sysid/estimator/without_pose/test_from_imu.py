@@ -26,7 +26,7 @@ def twins():
 
     rng = np.random.default_rng(11)
     values = flights.drawn(2, rng)
-    return values, flights.flown(flights.body(), values, rng, duration_s=18.0)
+    return values, flights.flown(flights.body(), values, rng, duration_s=12.0)
 
 
 @pytest.fixture(scope="module")
@@ -284,7 +284,7 @@ def test_where_throttle_steps_are_too_small_to_tell_the_curve_of_thrust_interval
 
     rng = np.random.default_rng(2)
     values = flights.drawn(1, rng)
-    (log,) = flights.flown(flights.body(), values, rng, duration_s=18.0, effort=(0.1, 0.1, 0.1))
+    (log,) = flights.flown(flights.body(), values, rng, duration_s=12.0, effort=(0.1, 0.1, 0.1))
     found = sysid.identify([log], start)
     assert "thrust_affine" in found.vehicle.effects
     for name in INERTIAS[:2]:
@@ -336,7 +336,7 @@ def test_inflow_and_yaws_damping_are_kept_where_they_damp_and_never_where_they_d
     rng, inflow, drag = np.random.default_rng(3), np.array([1.5e-4, -1.5e-4]), np.array([6e-5, 0.0])
     values = {**flights.drawn(2, rng), "inflow_linear.inflow_kg": inflow, "rotor_drag_speed.drag_kg": drag}
     body = flights.body().with_effect("rotor_drag_speed")
-    damped, driven = (sysid.identify([log], start) for log in flights.flown(body, values, rng, duration_s=18.0))
+    damped, driven = (sysid.identify([log], start) for log in flights.flown(body, values, rng, duration_s=12.0))
     hubs_m2, speed = (body.hub_body_m[:, :2] ** 2).sum(axis=1), 0.48 * flights.FULL_RAD_S
     assert damped.estimate("angular_damping.z_n_m_s").value == pytest.approx(drag[0] * speed * hubs_m2.sum(), rel=0.2)
     assert damped.vehicle.value("angular_damping.x_n_m_s") == damped.vehicle.value("angular_damping.y_n_m_s") == 0.0
@@ -361,7 +361,7 @@ def test_inflow_that_cannot_be_fitted_costs_nothing_and_ends_the_progress(twins,
     found = sysid.identify([twins[1][0]], start)
     assert found.vehicle.effects == fitted[0].vehicle.effects
     monkeypatch.undo()
-    sysid.identify([twins[1][0].slice(0.0, 14.0)], start, progress=lambda _, fraction: done.append(fraction))
+    sysid.identify([twins[1][0].slice(0.0, 9.0)], start, progress=lambda _, fraction: done.append(fraction))
     fit_done = done.index(0.6)
     assert max(done[:fit_done]) < 0.6 <= min(done[fit_done:])
     assert done[-1] == 1.0

@@ -78,7 +78,7 @@ def test_no_good_gyro_is_named_or_shifted(noisy):
         assert not [sentence for sentence in fix(log).done if "shifted" in sentence]
 
 
-@pytest.mark.parametrize("late_ms", [2.0, -5.0, 8.0])
+@pytest.mark.parametrize("late_ms", [2.0, pytest.param(-5.0, marks=pytest.mark.slow), 8.0])
 def test_planted_offsets_come_back_or_are_called_inconclusive(noisy, late_ms):
     found = 0
     for log in noisy:
@@ -103,7 +103,7 @@ def _fitted(log: FlightLog) -> Clock:
     return next(clock for clock in fit.clocks if clock.stream == "gyro")
 
 
-@pytest.mark.parametrize("number", [1, 2, 3, 7, 11])
+@pytest.mark.parametrize("number", [1, 7, *(pytest.param(number, marks=pytest.mark.slow) for number in (2, 3, 11))])
 def test_a_fit_calls_no_good_gyro_late(noisy, number):
     """Whose delay it finds 4 to 7 ms late on these five flights, and knew to 0.6 to 1.3 ms without the instruments."""
     found = _fitted(noisy[number])
@@ -112,8 +112,14 @@ def test_a_fit_calls_no_good_gyro_late(noisy, number):
     assert not found.off
 
 
-@pytest.mark.parametrize("late_ms", [-5.0, 5.0])
-@pytest.mark.parametrize("number", [4, 5, 8])
+@pytest.mark.parametrize(
+    ("number", "late_ms"),
+    [
+        (4, -5.0),
+        (8, 5.0),
+        *(pytest.param(*case, marks=pytest.mark.slow) for case in ((4, 5.0), (5, -5.0), (5, 5.0), (8, -5.0))),
+    ],
+)
 def test_a_fit_still_finds_a_late_gyro_where_the_flight_shows_its_clock(noisy, number, late_ms):
     found = _fitted(_late(noisy[number], 1e-3 * late_ms))
     assert found.off
@@ -140,7 +146,7 @@ def test_what_is_inconclusive_is_told_with_the_plain_comparison_and_what_that_is
         assert worth in said
 
 
-@pytest.mark.parametrize("late_ms", [-60.0, 40.0, 80.0])
+@pytest.mark.parametrize("late_ms", [-60.0, pytest.param(40.0, marks=pytest.mark.slow), 80.0])
 def test_a_gyro_further_off_than_any_controller_makes_it_is_named_and_shifted(noisy, late_ms):
     """Where little is predicted, too: a calm flight with noise of 0.05 rad/s had its rotor speed shifted by 88 ms."""
     for log in noisy:
