@@ -105,7 +105,7 @@ def test_positions_of_which_z_alone_points_down_are_turned(log, truth):
 
 def test_where_neither_vertical_motion_nor_gyro_decides_both_readings_are_named(campaign):
     """Level flight without gyro, accelerometer or rotors: a heading turned by half is as good as z down."""
-    log = campaign[1]
+    log = campaign[2]
     position = log.vector(POSITION) * [1.0, 1.0, 0.0]
     kept = FlightLog({n: log.columns[n] for n in ("time_s", *COLUMNS[POSITION], *COLUMNS[ATTITUDE])}, log.metadata)
     findings = check_log(_heading(_with(kept, POSITION, position), 180.0)).findings
