@@ -15,7 +15,13 @@ from mapping import map_folder
 
 _VOXEL_M, _GAP_M = 0.05, 0.2
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
-_KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)", "dem": "elevation models"}
+_KINDS = {
+    "mesh": "meshes",
+    "cloud": "points",
+    "volume": "volumes",
+    "map": "two-dimensional maps (YAML)",
+    "dem": "elevation models",
+}
 """Of which an option says something."""
 _A_KIND = {
     "mesh": "a mesh",
@@ -23,14 +29,16 @@ _A_KIND = {
     "map": "a two-dimensional map",
     "octomap": "an OctoMap",
     "voxblox": "a voxblox layer",
+    "volume": "an OpenVDB volume",
     "dem": "an elevation model",
 }
-_OF_SHAPES, _OF_CLOUDS, _OF_PLACES = ("mesh", "cloud"), ("cloud",), ("mesh", "cloud", "dem")
+_OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud", "volume"), ("cloud",)
+_OF_PLACES = (*_OF_SHAPES, "dem")
 _FOR: dict[str, tuple[str, ...]] = {
     "--unit": _OF_PLACES,
     "--up": _OF_SHAPES,
     "--origin": _OF_PLACES,
-    "--voxel": _OF_PLACES,
+    "--voxel": ("mesh", "cloud", "dem"),
     "--observed": _OF_SHAPES,
     "--sensor": _OF_CLOUDS,
     "--sensor-poses": _OF_CLOUDS,
@@ -59,6 +67,7 @@ _MAKES_FREE = {
     "map": "check its image and free_thresh",
     "octomap": "it states none",
     "voxblox": "it states none",
+    "volume": "name a place that is, by --observed X,Y,Z",
     "dem": "state it, by --heights LOW,HIGH",
 }
 
@@ -138,10 +147,10 @@ def import_(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of another program's mesh, points, OctoMap, voxblox layer, ROS map or elevation model.
+    """Make a map of another program's mesh, points, OctoMap, voxblox layer, volume, ROS map or elevation model.
 
-    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; layers VXBLX; ROS maps
-    map_server's YAML; elevation models ASC or GeoTIFF.
+    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; layers VXBLX; volumes VDB
+    (OpenVDB); ROS maps map_server's YAML; elevation models ASC or GeoTIFF.
 
     \b
     goshawk map import room.ply --out map --dry-run
@@ -166,6 +175,9 @@ def import_(
 
     An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so. Of
     distances, voxels within half their diagonal of a surface are occupied: a map that was exported comes back thicker.
+
+    A volume of distances is a shape, as a mesh is: it needs --observed. Of one that Goshawk wrote, every voxel has its
+    state again.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
@@ -204,6 +216,8 @@ def import_file(
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
     elif kind in ("octomap", "voxblox"):
         mesh, space, facts = _voxels(file, kind)
+    elif kind == "volume":
+        mesh, space, facts = _volume(file, asked, origin, places)
     elif kind == "dem":
         mesh, space, facts = _elevation(file, asked, origin)
     elif kind == "cloud":
@@ -259,12 +273,14 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    from mapping.cloud import columns, height_field, octomap_file, point_file, voxblox_file
+    from mapping.cloud import columns, height_field, octomap_file, point_file, vdb_file, voxblox_file
 
     if suffix in octomap_file.SUFFIXES:
         return "octomap"
     if suffix == voxblox_file.SUFFIX:
         return "voxblox"
+    if suffix == vdb_file.SUFFIX:
+        return "volume"
     if suffix in height_field.SUFFIXES:
         return "dem"
     if suffix in columns.SUFFIXES and suffix != ".ply":
@@ -292,7 +308,8 @@ def _require_fitting(kind: str, asked: Asked) -> None:
     }
     for option, value in given.items():
         if value and kind not in _FOR[option]:
-            kinds = " and ".join(_KINDS[one] for one in _FOR[option])
+            *most, last = (_KINDS[one] for one in _FOR[option])
+            kinds = f"{', '.join(most)} and {last}" if most else last
             raise InputError(f"{option} is for {kinds}; FILE is {_A_KIND[kind]}")
     others = {_kind(file) for file in asked.more}
     if others - {"cloud"} or (others and kind != "cloud"):
@@ -347,6 +364,20 @@ def _voxels(file: Path, kind: str) -> tuple[Any, Any, dict[str, Any]]:
     rule = f"({'OctoMap' if kind == 'octomap' else 'voxblox'}'s rule)"
     mesh = foreign_mesh.ForeignMesh(vertices, faces, f"m {rule}", f"z {rule}", 0)
     return mesh, space, _triangles(mesh) | ({"layer": space.of} if space.of else {})
+
+
+def _volume(file: Path, asked: Asked, origin: FloatArray | None, places: FloatArray) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of an OpenVDB volume, and facts about them."""
+    from mapping import foreign_mesh
+    from mapping.cloud import occupancy, vdb_file
+
+    found = vdb_file.read(file, unit=asked.unit, up=asked.up, origin=origin)
+    space = vdb_file.space(found, places)
+    vertices, faces, _ = occupancy.surface(space)
+    if not len(faces):
+        raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, found.unit, found.up, 0)
+    return mesh, space, _triangles(mesh)
 
 
 def _triangles(mesh: Any) -> dict[str, Any]:
