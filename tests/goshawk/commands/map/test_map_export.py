@@ -89,6 +89,10 @@ def test_a_voxblox_layer_and_an_openvdb_volume_are_the_maps_field(folder: Path, 
     assert (again.field.state != UNKNOWN).sum() == len(places)
     tinyvdb = pytest.importorskip("tinyvdb", reason="TinyVDB reads what we write")
     run("map", "export", folder, "--out", tmp_path / "a.vdb")
+    assert "m (Goshawk's rule)" in run("map", "import", tmp_path / "a.vdb", "--out", tmp_path / "same")
+    same, known = mapping.open_map(tmp_path / "same").field, area.field.state[area.field.state != UNKNOWN]
+    np.testing.assert_array_equal(same.state[tuple(same.grid.index(places).T)], known)
+    assert (same.state != UNKNOWN).sum() == len(places)
     file = tinyvdb.open(str(tmp_path / "a.vdb"))
     file.read_grids()
     volume = file.grid(0)
