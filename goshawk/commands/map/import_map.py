@@ -19,6 +19,7 @@ _KINDS = {
     "mesh": "meshes",
     "cloud": "points",
     "volume": "volumes",
+    "distances": "slices of distances",
     "map": "two-dimensional maps (YAML)",
     "dem": "elevation models",
 }
@@ -30,6 +31,7 @@ _A_KIND = {
     "octomap": "an OctoMap",
     "voxblox": "a voxblox layer",
     "volume": "an OpenVDB volume",
+    "distances": "a layer of distances",
     "dem": "an elevation model",
 }
 _OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud", "volume"), ("cloud",)
@@ -45,7 +47,7 @@ _FOR: dict[str, tuple[str, ...]] = {
     "--viewpoints": _OF_CLOUDS,
     "--least-points": _OF_CLOUDS,
     "--gap": _OF_CLOUDS,
-    "--heights": ("map", "dem"),
+    "--heights": ("map", "distances", "dem"),
 }
 """Kinds of FILE that each option is for."""
 _KEPT = (
@@ -61,6 +63,7 @@ _KEPT = (
     "least_points",
 )
 """Of the document, what `map.toml` says."""
+_RULES = {"octomap": "OctoMap's", "voxblox": "voxblox's", "distances": "nvblox'"}
 _MAKES_FREE = {
     "mesh": "name a place that is, by --observed X,Y,Z",
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
@@ -68,6 +71,7 @@ _MAKES_FREE = {
     "octomap": "it states none",
     "voxblox": "it states none",
     "volume": "name a place that is, by --observed X,Y,Z",
+    "distances": "it states none",
     "dem": "state it, by --heights LOW,HIGH",
 }
 
@@ -175,6 +179,7 @@ def import_(
 
     An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so. Of
     distances, voxels within half their diagonal of a surface are occupied: a map that was exported comes back thicker.
+    So is nvblox' ESDF, points with distances (PLY); a slice of it holds from LOW to HIGH of --heights.
 
     A volume of distances is a shape, as a mesh is: it needs --observed. Of one that Goshawk wrote, every voxel has its
     state again.
@@ -214,8 +219,8 @@ def import_file(
     progress("read the file", 0.0)
     if kind == "map":
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
-    elif kind in ("octomap", "voxblox"):
-        mesh, space, facts = _voxels(file, kind)
+    elif kind in ("octomap", "voxblox", "distances"):
+        mesh, space, facts = _voxels(file, kind, asked.heights)
     elif kind == "volume":
         mesh, space, facts = _volume(file, asked, origin, places)
     elif kind == "dem":
@@ -251,8 +256,10 @@ def look(file: Path, unit: str | None, up: str | None, origin: str | None) -> st
     from mapping import foreign_mesh
     from mapping.cloud import point_cloud
 
-    start = _origin(origin)
-    if _kind(file) == "cloud":
+    start, kind = _origin(origin), _kind(file)
+    if kind == "distances":
+        return "it states what is free and occupied; a slice of it wants heights between which it holds"
+    if kind == "cloud":
         cloud = point_cloud.read(file, unit=unit, up=up, origin=start)
         places, unit_said, up_said = cloud.points_world_m, cloud.unit, cloud.up
     else:
@@ -260,6 +267,11 @@ def look(file: Path, unit: str | None, up: str | None, origin: str | None) -> st
         places, unit_said, up_said = mesh.vertices_world_m, mesh.unit, mesh.up
     low, high = (", ".join(f"{value:.2f}" for value in end) for end in (places.min(axis=0), places.max(axis=0)))
     return f"it reaches from {low} to {high} m; unit {unit_said}; up {up_said}"
+
+
+def takes(file: Path, option: str) -> bool:
+    """Whether an option says something of a file. Raises as `import_file`."""
+    return _kind(file) in _FOR[option]
 
 
 def _origin(text: str | None) -> FloatArray | None:
@@ -273,7 +285,15 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    from mapping.cloud import columns, height_field, octomap_file, point_file, vdb_file, voxblox_file
+    from mapping.cloud import (
+        columns,
+        distance_points,
+        height_field,
+        octomap_file,
+        point_file,
+        vdb_file,
+        voxblox_file,
+    )
 
     if suffix in octomap_file.SUFFIXES:
         return "octomap"
@@ -285,7 +305,9 @@ def _kind(file: Path) -> str:
         return "dem"
     if suffix in columns.SUFFIXES and suffix != ".ply":
         return "cloud"
-    return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
+    if suffix != ".ply" or not file.is_file() or point_file.has_faces(file):
+        return "mesh"
+    return "distances" if distance_points.is_layer(file) else "cloud"
 
 
 def _require_fitting(kind: str, asked: Asked) -> None:
@@ -324,7 +346,7 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
 
     if heights is None:
         raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
-    low_m, high_m = console.numbers("--heights", heights, 2)
+    low_m, high_m = _heights(heights)
     floor = map_server.read(file, beside=beside)
     space = imported.columns(floor, low_m, high_m)
     vertices, faces = map_server.walls(floor, low_m, low_m + space.grid.voxel_m[2] * space.grid.shape[2])
@@ -335,15 +357,17 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
     return mesh, space, _triangles(mesh)
 
 
+def _heights(text: str) -> tuple[float, float]:
+    low_m, high_m = console.numbers("--heights", text, 2)
+    return low_m, high_m
+
+
 def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any, Any, dict[str, Any]]:
     """The surface and the voxels of a digital elevation model, and facts about them."""
     from mapping import foreign_mesh
     from mapping.cloud import height_field
 
-    between = None
-    if asked.heights is not None:
-        low_m, high_m = console.numbers("--heights", asked.heights, 2)
-        between = (low_m, high_m)
+    between = None if asked.heights is None else _heights(asked.heights)
     field = height_field.read(file, origin=origin, unit=asked.unit)
     space = height_field.space(field, asked.voxel_m or _VOXEL_M, between)
     vertices, faces = height_field.surface(field)
@@ -352,16 +376,19 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     return mesh, space, _triangles(mesh) | cells
 
 
-def _voxels(file: Path, kind: str) -> tuple[Any, Any, dict[str, Any]]:
-    """The sides of what is occupied, the voxels of an OctoMap or voxblox layer, and facts about them."""
+def _voxels(file: Path, kind: str, heights: str | None) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of a file that states them, and facts about them."""
     from mapping import foreign_mesh
-    from mapping.cloud import occupancy, octomap_file, voxblox_file
+    from mapping.cloud import distance_points, occupancy, octomap_file, voxblox_file
 
-    space = octomap_file.read(file) if kind == "octomap" else voxblox_file.read(file)
+    if kind == "distances":
+        space = distance_points.read(file, None if heights is None else _heights(heights))
+    else:
+        space = octomap_file.read(file) if kind == "octomap" else voxblox_file.read(file)
     vertices, faces, _ = occupancy.surface(space)
     if not len(faces):
         raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
-    rule = f"({'OctoMap' if kind == 'octomap' else 'voxblox'}'s rule)"
+    rule = f"({_RULES[kind]} rule)"
     mesh = foreign_mesh.ForeignMesh(vertices, faces, f"m {rule}", f"z {rule}", 0)
     return mesh, space, _triangles(mesh) | ({"layer": space.of} if space.of else {})
 
