@@ -60,7 +60,7 @@ def test_an_esdf_of_nvblox_is_the_map_that_it_states(tmp_path: Path) -> None:
 
 def test_a_slice_holds_between_the_heights_that_are_stated(tmp_path: Path) -> None:
     distance, observed = layer()
-    places = places_of(observed[:, :, 5:6]) + [0.0, 0.0, 5 * EDGE_M]
+    places = places_of(observed[:, :, 5:6]) + np.array([0.0, 0.0, 5 * EDGE_M])
     file = text_ply(tmp_path / "slice.ply", places, distance[:, :, 5][observed[:, :, 5]])
     assert distance_points.is_layer(file)
     with pytest.raises(InputError, match="--heights"):
