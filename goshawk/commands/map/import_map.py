@@ -153,8 +153,8 @@ def import_(
 ) -> None:
     """Make a map of another program's mesh, points, OctoMap, voxblox layer, volume, ROS map or elevation model.
 
-    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; layers VXBLX; volumes VDB
-    (OpenVDB); ROS maps map_server's YAML; elevation models ASC or GeoTIFF.
+    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57. OctoMaps are BT or OT, layers VXBLX, volumes
+    VDB (OpenVDB), ROS maps map_server's YAML, elevation models ASC or GeoTIFF.
 
     \b
     goshawk map import room.ply --out map --dry-run
