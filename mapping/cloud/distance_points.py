@@ -115,7 +115,7 @@ def _edge(places: FloatArray) -> float | None:
     """The edge of cubes in whose middles all places are; None: there is none, or but one place."""
     edges, spans = [], []
     for axis in places.T if np.isfinite(places).all() else ():
-        steps = np.diff(np.unique(axis))
+        steps: FloatArray = np.diff(np.unique(axis)).astype(np.float64)
         steps = steps[steps > _APART_M]
         if len(steps):
             edges.append(float(np.median(steps)))
@@ -127,14 +127,16 @@ def _edge(places: FloatArray) -> float | None:
 
 
 def _steps(places: FloatArray, distance: FloatArray, edge: float) -> FloatArray:
-    """By how much distances of neighbours along the axes differ, in voxels."""
+    """By how much distances of neighbours along the axes differ, in voxels; none where these are too many to count."""
     index = np.rint((places - places.min(axis=0)) / edge).astype(np.int64)
-    size = index.max(axis=0) + 2
-    key = np.ravel_multi_index(tuple(index.T), size.tolist())
+    nx, ny, nz = (int(axis.max()) + 2 for axis in index.T)
+    if nx * ny * nz > np.iinfo(np.int64).max:
+        return np.zeros(0)
+    key = np.ravel_multi_index(tuple(index.T), (nx, ny, nz))
     order = np.argsort(key)
-    key, sorted_m = key[order], distance[order]
-    found = []
-    for stride in (1, int(size[2]), int(size[1] * size[2])):
+    key, sorted_m = np.asarray(key)[order], distance[order]
+    found: list[FloatArray] = []
+    for stride in (1, nz, ny * nz):
         at = np.minimum(np.searchsorted(key, key + stride), len(key) - 1)
         found.append(np.abs(sorted_m[at] - sorted_m)[key[at] == key + stride] / edge)
     return np.concatenate(found)

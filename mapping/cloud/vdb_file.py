@@ -118,7 +118,7 @@ def _placed(
         raise InputError(f"--up {up} turns the voxels; of a volume give one of x, y, z, -x, -y, -z")
     low, high = grid.low_world_m, grid.high_world_m
     corners = unit_m * (np.stack([low, high]) - (0.0 if origin is None else origin)) @ R.T
-    turned = np.flip(state.transpose(axes), [k for k in range(3) if R[k, axes[k]] < 0.0])
+    turned = np.flip(state.transpose(axes), tuple(k for k in range(3) if R[k, axes[k]] < 0.0))
     edge_m = float(unit_m * edges[0])
     placed = Grid(tuple(corners.min(axis=0)), (edge_m, edge_m, edge_m), turned.shape)
     return placed, np.ascontiguousarray(turned), unit_words, up_words

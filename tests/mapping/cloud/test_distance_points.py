@@ -28,8 +28,8 @@ def layer(shape: tuple[int, int, int] = (30, 24, 16)) -> tuple[np.ndarray, np.nd
     """Distances in metres from middle to middle of voxels, negative inside, and which are observed."""
     solid = np.zeros(shape, bool)
     solid[:, :, :2] = solid[8:14, 6:12, :10] = True
-    site = solid & ~ndimage.binary_erosion(solid, border_value=1)
-    distance = EDGE_M * np.minimum(ndimage.distance_transform_edt(~site), np.sqrt(40.0 * 40.0))
+    site = solid & ~np.asarray(ndimage.binary_erosion(solid, border_value=1), bool)
+    distance = EDGE_M * np.minimum(np.asarray(ndimage.distance_transform_edt(~site)), 40.0)
     observed = np.random.default_rng(1).random(shape) < 0.9
     return np.where(solid, -distance, distance), observed
 
@@ -84,6 +84,8 @@ def test_a_scan_on_a_lattice_is_no_layer_and_a_tsdf_is_refused(tmp_path: Path) -
         assert not distance_points.is_layer(text_ply(tmp_path / "scan.ply", places, intensity))
     scattered = places + rng.normal(0.0, 0.01, places.shape)
     distance = layer()[0][observed]
+    far = np.repeat([[*np.arange(30) * 0.01, 4e6]], 3, axis=0).T  # more voxels than can be counted
+    assert not distance_points.is_layer(text_ply(tmp_path / "scan.ply", far, np.zeros(31)))
     assert not distance_points.is_layer(text_ply(tmp_path / "scan.ply", scattered, np.abs(distance)))
     assert not distance_points.is_layer(text_ply(tmp_path / "scan.ply", places, distance, name="quality"))
     with pytest.raises(InputError, match="TSDF"):
@@ -92,7 +94,8 @@ def test_a_scan_on_a_lattice_is_no_layer_and_a_tsdf_is_refused(tmp_path: Path) -
 
 def test_distances_of_our_own_give_a_map_its_states_again(tmp_path: Path) -> None:
     distance, observed = layer()
-    grid = Grid(tuple(LOW), EDGE_M, distance.shape)
+    x, y, z = LOW.tolist()
+    grid = Grid((x, y, z), (EDGE_M, EDGE_M, EDGE_M), distance.shape)
     field_m = np.where(states(distance, observed) == FREE, np.abs(distance) - 0.5 * EDGE_M, -0.02)
     (tmp_path / "d.ply").write_bytes(surfaces.distances(grid.centre(np.argwhere(observed)), field_m[observed]))
     assert distance_points.is_layer(tmp_path / "d.ply")

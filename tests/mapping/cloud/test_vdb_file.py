@@ -32,7 +32,7 @@ def own(folder: Path, shape: tuple[int, int, int] = (70, 31, 140)) -> tuple[Path
     state[20:30, 5:15, 2:20], state[:, :, 60:70] = OCCUPIED, UNKNOWN
     state[rng.random(shape) < 0.02] = UNKNOWN
     state[0, 0, 0] = state[-1, -1, -1] = OCCUPIED
-    grid = Grid((-3.05, 1.0, -0.5), 0.05, shape)
+    grid = Grid((-3.05, 1.0, -0.5), (0.05, 0.05, 0.05), shape)
     export_vdb(folder / "own.vdb", build(state, grid, cap_m=0.4))
     return folder / "own.vdb", state, grid
 
