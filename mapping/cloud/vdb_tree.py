@@ -23,8 +23,8 @@ _ZIP, _MASKED, _BLOSC = 1, 2, 4
 _HALF = "_HalfFloat"
 _KINDS = ("Tree_float_5_4_3", "Tree_float_5_4_3" + _HALF)
 _SCALES = ("UniformScaleMap", "ScaleMap", "UniformScaleTranslateMap", "ScaleTranslateMap")
-_MINUS, _ALL_VALUES = 1, 6
-"""How the values of a node are listed: those off the mask are minus the background; all are there, off the mask too."""
+_ALL_VALUES = 6
+"""How the values of a node may be listed: all are there, those off the mask too."""
 _ONE_OTHER, _TWO_OTHERS = (2, 4, 5), 5
 """Those where one value, and a second one, is written before the list."""
 _CHOSEN = (3, 4, 5)

@@ -54,6 +54,9 @@ def test_an_esdf_of_nvblox_is_the_map_that_it_states(tmp_path: Path) -> None:
     np.testing.assert_array_equal(found.state, states(distance, observed))
     np.testing.assert_allclose(found.grid.low_world_m, LOW, atol=1e-4)
     np.testing.assert_allclose(found.grid.voxel_m, EDGE_M, rtol=1e-4)
+    nearer = np.where(distance == EDGE_M, 0.8 * EDGE_M, distance)  # of a surface that passes such voxels
+    close = distance_points.read(text_ply(tmp_path / "near.ply", places_of(observed), nearer[observed]))
+    np.testing.assert_array_equal(close.state == OCCUPIED, observed & (nearer < EDGE_M))
     with pytest.raises(InputError, match="16 layers of voxels; --heights"):
         distance_points.read(file, (0.0, 2.0))
 
@@ -78,6 +81,7 @@ def test_a_scan_on_a_lattice_is_no_layer_and_a_tsdf_is_refused(tmp_path: Path) -
         rng.uniform(0.0, 1.0, len(places)),
         rng.integers(0, 255, len(places)),
         np.zeros(len(places)),
+        0.2 + 0.4 * (places[:, 0] - places[:, 0].min()),  # as smooth as distances
         rng.integers(0, 2, len(places)),  # its layer of free space
         rng.uniform(0.5, 1.0, len(places)),  # its occupancy, of which it writes what is occupied only
     ):
