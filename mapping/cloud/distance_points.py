@@ -127,7 +127,10 @@ def _edge(places: FloatArray) -> float | None:
 
 
 def _steps(places: FloatArray, distance: FloatArray, edge: float) -> FloatArray:
-    """By how much distances of neighbours along the axes differ, in voxels; none where these are too many to count."""
+    """By how much distances of neighbours along the axes differ, in voxels, where they do.
+
+    Labels that are one number over large parts differ by much wherever they do; none where voxels are too many to count.
+    """
     index = np.rint((places - places.min(axis=0)) / edge).astype(np.int64)
     nx, ny, nz = (int(axis.max()) + 2 for axis in index.T)
     if nx * ny * nz > np.iinfo(np.int64).max:
@@ -139,7 +142,8 @@ def _steps(places: FloatArray, distance: FloatArray, edge: float) -> FloatArray:
     for stride in (1, nz, ny * nz):
         at = np.minimum(np.searchsorted(key, key + stride), len(key) - 1)
         found.append(np.abs(sorted_m[at] - sorted_m)[key[at] == key + stride] / edge)
-    return np.concatenate(found)
+    steps = np.concatenate(found)
+    return steps[steps > _OFF_LATTICE]
 
 
 def _off(places: FloatArray, edge: float) -> FloatArray:

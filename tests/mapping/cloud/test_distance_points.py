@@ -81,6 +81,8 @@ def test_a_scan_on_a_lattice_is_no_layer_and_a_tsdf_is_refused(tmp_path: Path) -
         rng.uniform(0.0, 1.0, len(places)),
         rng.integers(0, 255, len(places)),
         np.zeros(len(places)),
+        np.ones(len(places)),
+        (places[:, 0] < 0.0).astype(float),  # a label
         0.2 + 0.4 * (places[:, 0] - places[:, 0].min()),  # as smooth as distances
         rng.integers(0, 2, len(places)),  # its layer of free space
         rng.uniform(0.5, 1.0, len(places)),  # its occupancy, of which it writes what is occupied only
