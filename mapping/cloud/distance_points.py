@@ -129,7 +129,7 @@ def _edge(places: FloatArray) -> float | None:
 def _steps(places: FloatArray, distance: FloatArray, edge: float) -> FloatArray:
     """By how much distances of neighbours along the axes differ, in voxels, where they do.
 
-    Labels that are one number over large parts differ by much wherever they do; none where voxels are too many to count.
+    Labels, one number over large parts, differ by much wherever they do. None where voxels are too many to count.
     """
     index = np.rint((places - places.min(axis=0)) / edge).astype(np.int64)
     nx, ny, nz = (int(axis.max()) + 2 for axis in index.T)
