@@ -1,8 +1,9 @@
-"""OpenVDB files (`.vdb`), for Houdini, Blender and others: distances as a sparse float grid. Export only.
+"""OpenVDB files (`.vdb`) for Houdini, Blender and others: distances as a sparse float grid, written.
 
 File version 224, a `Tree_float_5_4_3`: a root, nodes of 32^3 nodes of 16^3 leaves of 8^3 voxels. Known voxels are
 active. A leaf that is as far as the cap everywhere is stored as a tile, and what no leaf covers is the background: the
 cap too. Nothing is compressed. Written from the format's description; checked by reading it with TinyVDB.
+`mapping.cloud.vdb_tree` reads such files of all programs.
 """
 
 import struct
@@ -20,6 +21,8 @@ from flight import file_format
 VERSION = 224
 LIBRARY = (9, 0)
 MAGIC = 0x56444220
+CREATOR = "Goshawk"
+"""In the file's metadata: where it stands, active voxels are all that is known, and none is of another program."""
 LEAF, LOWER, UPPER = 8, 16, 32
 """Along each axis: voxels of a leaf, leaves of a lower node, lower nodes of an upper node."""
 ALL_VALUES = b"\x06"
@@ -47,7 +50,7 @@ def _file(grid: tuple[bytes, bytes], name: str) -> bytes:
     """The whole file round one grid, whose topology and buffers are given."""
     topology, buffers = grid
     head = struct.pack("<qIII?", MAGIC, VERSION, *LIBRARY, True) + str(uuid.uuid4()).encode()
-    head += _metadata({"creator": "Goshawk"}) + struct.pack("<I", 1)
+    head += _metadata({"creator": CREATOR}) + struct.pack("<I", 1)
     head += _string(name) + _string("Tree_float_5_4_3") + _string("")
     start = len(head) + 3 * 8
     blocks = start + len(topology)

@@ -34,10 +34,8 @@ _SINGLE_PLY = re.compile(rb"property\s+float(32)?\s+[xyz]\s")
 _HEAD_BYTES = 65_536
 _METRES = {".glb": "glTF", ".e57": "E57"}
 """Kinds of file that are in metres, and what says so."""
-_BY_BLENDER = "of volumes make a mesh, by Blender's Volume to Mesh say"
 _OTHERS = {
-    ".vdb": _BY_BLENDER,
-    ".nvdb": _BY_BLENDER,
+    ".nvdb": "of NanoVDB make an OpenVDB file, by nanovdb_convert say",
     ".nvblx": "save nvblox' mesh as PLY: its save_ply service writes it",
 }
 """What to do about kinds of file that are known and not read."""

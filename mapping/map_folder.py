@@ -318,11 +318,12 @@ def _require_scale(images: Path, rig: Rig, options: MapOptions) -> None:
 
 
 def _require_fitting(images: ImageSet, options: MapOptions) -> None:
-    """Check that references, motion, length and rig fit the images: a fault is told before any long work."""
+    """Check that references, motion, length, rig and memory fit the images: a fault is told before any long work."""
     if not images.has_pairs:  # then only what gives one camera a scale counts
-        alone = rigs.Rig(images.rig.cameras[:1])
-        _require_scale(images.folder, alone, options)
-    alignment.read_references(images.beside(options.motions), options.references)
+        _require_scale(images.folder, rigs.Rig(images.rig.cameras[:1]), options)
+    recorded = images.beside(options.motions)
+    alignment.read_references(recorded, options.references)
+    placed_views.require_room(recorded, options.dense.voxel_m)
     alignment.require_ends(images, options.length)
 
 
@@ -478,8 +479,7 @@ def open_map(folder: Path) -> Map:
 def has_earlier_free_space(facts: dict[str, Any]) -> bool:
     """Whether `map.toml` is of a map of images made before each free voxel had to be seen through over its whole width.
 
-    Those do not say what the carrier swept. Depth images of a sensor measure each pixel; a map without a source of
-    scale was not made of images.
+    Depth images of a sensor measure each pixel; a map without a source of scale was not made of images.
     """
     return "carrier_radius_m" not in facts and facts.get("scale_source", DEPTH_SOURCE) != DEPTH_SOURCE
 

@@ -6,10 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from flight import Progress
-from mapping.dense import depth_files, surface
+from mapping.dense import depth_files, fusion, surface
 from mapping.dense.depth_files import DepthFiles
 from mapping.dense.stereo import DepthImage, StereoOptions
 from mapping.dense.views import ImageView
+from mapping.input.images import ImageSet
 from mapping.sparse.reconstruction import SparseMap
 from mapping.stages import Work
 from mapping.workers import Pool
@@ -41,6 +42,16 @@ def views(placed: SparseMap) -> list[ImageView]:
 def _placed_shots(placed: SparseMap) -> list[tuple[int, int]]:
     """(instant, camera) of the images that are in the map."""
     return [(instant, camera) for instant, camera in placed.images.pairs() if placed.registered[instant, camera]]
+
+
+def require_room(images: ImageSet, voxel_m: float) -> None:
+    """Check, before any work, that a map through the recorded places of the images would fit in memory.
+
+    Raises:
+        InputError: it would not.
+    """
+    for motion in images.motions:
+        fusion.require_room(motion.name, motion.trajectory.at(images.time_s)[:, :3, 3], voxel_m)
 
 
 def depth_stage(

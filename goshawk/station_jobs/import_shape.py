@@ -102,23 +102,25 @@ def _foresee(project: Project, asked: Arguments) -> str:
         found = import_map.look(file, _stated(asked.unit), _stated(asked.up), _typed(asked.origin))
     except FlightError as error:
         raise type(error)(fit_options.worded(str(error), BOXES)) from error
-    return found if asked.observed or asked.sensor else f"nothing is free until you name a place that is; {found}"
+    if asked.observed or asked.sensor or not import_map.takes(file, "--observed"):
+        return found
+    return f"nothing is free until you name a place that is; {found}"
 
 
 @in_words_of(BOXES)
 def _run(folder: Path, asked: Arguments, progress: Progress) -> Result:
     project = Project(folder, "")
+    file = incoming.found(project, asked.file)
     wanted = import_map.Asked(
         unit=_stated(asked.unit),
         up=_stated(asked.up),
-        voxel_m=None if _is_floor(Path(asked.file)) else asked.voxel_m,
+        voxel_m=asked.voxel_m if import_map.takes(file, "--voxel") else None,
         observed=(asked.observed,) if asked.observed.strip() else (),
         sensors=(asked.sensor,) if asked.sensor.strip() else (),
         origin=_typed(asked.origin),
         heights=_typed(asked.heights),
         beside=True,
     )
-    file = incoming.found(project, asked.file)
     _, found = import_map.import_file(
         file, project.map, wanted, dry_run=False, overwrite=asked.overwrite, progress=progress
     )

@@ -217,7 +217,8 @@ def text(path: Path) -> str:
     if not path.is_file():
         raise errors.missing(path)
     if path.stat().st_size > LARGEST_BYTES:
-        raise FormatError(f"{path} has {path.stat().st_size} bytes; at most {LARGEST_BYTES} are read")
+        size = path.stat().st_size
+        raise FormatError(f"{path} has {size:,} bytes, at most {LARGEST_BYTES:,} are read: is it another file?")
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:

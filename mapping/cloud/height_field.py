@@ -266,7 +266,7 @@ def _geotiff(path: Path, unit: str | None) -> _Raster:
             pixels = np.asarray(image)
             said = {tag: tags.get(tag) for tag in (_SCALE, _TIE, _NODATA, _KEYS)}
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise FormatError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}") from None
+        raise FormatError(f"{path} cannot be read: {' '.join(str(error).split())[:200]}; export it again") from None
     return _placed(path, pixels, said, unit)
 
 

@@ -3,7 +3,7 @@
 import io
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +36,8 @@ class Layout:
     """Bytes before the first point."""
     coding: str
     """`text`, `binary`, or `compressed`."""
+    is_distances: bool = False
+    """Whether it says that its points are voxels with distances, as Goshawk writes them."""
 
 
 def has_faces(path: Path) -> bool:
@@ -45,20 +47,31 @@ def has_faces(path: Path) -> bool:
     return not words or any(count != "0" for count in faces)
 
 
-def read(path: Path) -> Mapping[str, NDArray[np.generic]]:
+def layout(path: Path) -> Layout:
+    """Where a file holds which numbers. Raises as `read`."""
+    found = _ply(path) if path.suffix.lower() == ".ply" else _pcd(path)
+    _require_plausible(path, found)
+    return found
+
+
+def read(path: Path, *, at_most: int | None = None) -> Mapping[str, NDArray[np.generic]]:
     """The named columns (n,) of the points, in the file's own types; `x`, `y` and `z` are among them.
+
+    Args:
+        at_most: points from the front, of a file that is not compressed; None: all.
 
     Raises:
         InputError: it is too large.
         FormatError: it is damaged or cut off, or holds no points.
     """
-    layout = _ply(path) if path.suffix.lower() == ".ply" else _pcd(path)
-    _require_plausible(path, layout)
-    read = {"text": _text, "binary": _binary, "compressed": _compressed}[layout.coding]
-    columns = read(path, layout)
-    if lengths := {name: len(column) for name, column in columns.items() if len(column) != layout.points}:
+    found = layout(path)
+    if at_most is not None:
+        found = replace(found, points=min(found.points, at_most))
+    read = {"text": _text, "binary": _binary, "compressed": _compressed}[found.coding]
+    columns = read(path, found)
+    if lengths := {name: len(column) for name, column in columns.items() if len(column) != found.points}:
         raise FormatError(
-            f"{path} is damaged or cut off: it states {layout.points} points and holds {min(lengths.values())}; "
+            f"{path} is damaged or cut off: it states {found.points} points and holds {min(lengths.values())}; "
             "export it again"
         )
     return columns
@@ -134,10 +147,6 @@ def _ply(path: Path) -> Layout:
     lines, offset = _header(path, b"end_header")
     if not lines or lines[0] != "ply":
         raise FormatError(f"{path} is no PLY file, or its header is cut off; export it again")
-    if exchange.PLY_COMMENT in lines:
-        raise InputError(
-            f"{path} holds distances at all voxels, not measured points; import the map's mesh or OctoMap instead"
-        )
     coding, element, points, types = "", "", 0, []
     for words in map(str.split, lines):
         if words[:1] == ["format"] and len(words) > 1:
@@ -155,7 +164,7 @@ def _ply(path: Path) -> Layout:
     if order is None:
         raise FormatError(f"{path} is PLY of format {coding[:40]!r}; ascii and binary are read")
     typed = tuple((name, order + kind) for name, kind in types)
-    return Layout(typed, points, offset, "binary" if order else "text")
+    return Layout(typed, points, offset, "binary" if order else "text", exchange.PLY_COMMENT in lines)
 
 
 def _pcd(path: Path) -> Layout:

@@ -158,6 +158,29 @@ def covering(lower_world_m: FloatArray, upper_world_m: FloatArray, voxel_m: floa
     return grid
 
 
+def require_room(what: str, places_m: FloatArray, voxel_m: float) -> None:
+    """Check, before any work, that a map through some places (n, 3), NaN where unknown, would fit in memory.
+
+    Its box holds their convex hull, however its frame lies to theirs; how much more it holds is not known yet.
+
+    Raises:
+        InputError: it would not.
+    """
+    from scipy import spatial
+
+    known = places_m[np.isfinite(places_m).all(axis=1)]
+    try:
+        voxels = float(spatial.ConvexHull(known).volume) / voxel_m**3 if len(known) > 3 else 0.0
+    except spatial.QhullError:  # all in a plane
+        return
+    if voxels > MOST_VOXELS:
+        fitting_m = 1.05 * voxel_m * (voxels / MOST_VOXELS) ** (1 / 3)
+        raise InputError(
+            f"what lies between the {what} has {voxels / 1e6:,.0f} million voxels of {voxel_m:g} m, at most "
+            f"{MOST_VOXELS / 1e6:g} million fit: take --voxel {fitting_m:.2g}, or make several maps"
+        )
+
+
 def _too_large(what: str, grid: Grid, coarser: float) -> MapError:
     voxel_m = grid.voxel_m[0]
     size = " x ".join(f"{n * voxel_m:.0f}" for n in grid.shape)

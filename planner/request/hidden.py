@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from flight import FloatArray, InputError, Trajectory
+from flight import FloatArray, FormatError, InputError, Trajectory, TrajectoryFile
 
 MOST = 100.0
 """Largest price: beyond it a way through hidden space is never shorter than one round the map."""
@@ -71,6 +71,21 @@ class Paid:
 
     def as_dict(self) -> dict[str, float]:
         return {"hidden_price": self.price, "hidden_price_paid_m": self.paid_m}
+
+
+def asked_of(item: TrajectoryFile) -> float | None:
+    """The price that a file's trajectory was planned with; None if none was asked.
+
+    Raises:
+        FormatError: its record of that is damaged.
+    """
+    given = item.check.get("hidden_price")
+    if given is None:
+        return None
+    try:
+        return require_price(float(given))
+    except (TypeError, ValueError, InputError) as error:
+        raise FormatError(f"the price of hidden space in a trajectory file is damaged: {error}") from error
 
 
 def require_price(price: float) -> float:

@@ -67,9 +67,9 @@ def export(
     goshawk map export map --out sparse/0 --as colmap     # images, poses and points: COLMAP, nerfstudio, splats
 
     Up is z, in OBJ and GLB y. Slices, grids and elevation model have the pilot's edits, meshes and points have none.
-    `goshawk map import` reads all again but distances and COLMAP models; slice, OctoMap and voxblox layer say which
-    space is free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels that are
-    known.
+    `goshawk map import` reads all again but COLMAP models; slice, OctoMap, voxblox layer, volume and distances say
+    which space is free. Distances are points with an intensity in metres, as nvblox' ESDF, at the middles of voxels
+    that are known.
     """
     kind = _kind(out, kind)
     if kind == "ros" and height_m is None:

@@ -79,6 +79,7 @@ def read(
         progress=progress,
     )
     vertices, faces, side_m = occupancy.surface(carved.space)
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, cloud.unit, cloud.up, 0)
     facts = {
         "points": len(cloud.points_world_m),
         "not_finite": cloud.not_finite,
@@ -88,5 +89,6 @@ def read(
         "rays": carved.rays,
         "stopped_rays": carved.stopped,
         "surface_m": side_m,
+        "parts": foreign_mesh.parts(mesh),
     }
-    return foreign_mesh.ForeignMesh(vertices, faces, cloud.unit, cloud.up, 0), carved.space, facts
+    return mesh, carved.space, facts

@@ -15,7 +15,14 @@ from mapping import map_folder
 
 _VOXEL_M, _GAP_M = 0.05, 0.2
 _IMAGES = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
-_KINDS = {"mesh": "meshes", "cloud": "points", "map": "two-dimensional maps (YAML)", "dem": "elevation models"}
+_KINDS = {
+    "mesh": "meshes",
+    "cloud": "points",
+    "volume": "volumes",
+    "distances": "slices of distances",
+    "map": "two-dimensional maps (YAML)",
+    "dem": "elevation models",
+}
 """Of which an option says something."""
 _A_KIND = {
     "mesh": "a mesh",
@@ -23,21 +30,24 @@ _A_KIND = {
     "map": "a two-dimensional map",
     "octomap": "an OctoMap",
     "voxblox": "a voxblox layer",
+    "volume": "an OpenVDB volume",
+    "distances": "a layer of distances",
     "dem": "an elevation model",
 }
-_OF_SHAPES, _OF_CLOUDS, _OF_PLACES = ("mesh", "cloud"), ("cloud",), ("mesh", "cloud", "dem")
+_OF_SHAPES, _OF_CLOUDS = ("mesh", "cloud", "volume"), ("cloud",)
+_OF_PLACES = (*_OF_SHAPES, "dem")
 _FOR: dict[str, tuple[str, ...]] = {
     "--unit": _OF_PLACES,
     "--up": _OF_SHAPES,
     "--origin": _OF_PLACES,
-    "--voxel": _OF_PLACES,
+    "--voxel": ("mesh", "cloud", "dem"),
     "--observed": _OF_SHAPES,
     "--sensor": _OF_CLOUDS,
     "--sensor-poses": _OF_CLOUDS,
     "--viewpoints": _OF_CLOUDS,
     "--least-points": _OF_CLOUDS,
     "--gap": _OF_CLOUDS,
-    "--heights": ("map", "dem"),
+    "--heights": ("map", "distances", "dem"),
 }
 """Kinds of FILE that each option is for."""
 _KEPT = (
@@ -53,12 +63,15 @@ _KEPT = (
     "least_points",
 )
 """Of the document, what `map.toml` says."""
+_RULES = {"octomap": "OctoMap's", "voxblox": "voxblox's", "distances": "nvblox'"}
 _MAKES_FREE = {
     "mesh": "name a place that is, by --observed X,Y,Z",
     "cloud": "say from where they were measured (--sensor, --sensor-poses, --viewpoints), or what is free (--observed)",
     "map": "check its image and free_thresh",
     "octomap": "it states none",
     "voxblox": "it states none",
+    "volume": "name a place that is, by --observed X,Y,Z",
+    "distances": "it states none",
     "dem": "state it, by --heights LOW,HIGH",
 }
 
@@ -138,10 +151,10 @@ def import_(
     overwrite: bool,
     as_json: bool,
 ) -> None:
-    """Make a map of another program's mesh, points, OctoMap, voxblox layer, ROS map or elevation model.
+    """Make a map of another program's mesh, points, OctoMap, voxblox layer, volume, ROS map or elevation model.
 
-    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57; OctoMaps BT or OT; layers VXBLX; ROS maps
-    map_server's YAML; elevation models ASC or GeoTIFF.
+    Meshes are PLY, OBJ, STL, GLB or USD; points PLY, PCD, LAS, LAZ or E57. OctoMaps are BT or OT, layers VXBLX, volumes
+    VDB (OpenVDB), ROS maps map_server's YAML, elevation models ASC or GeoTIFF.
 
     \b
     goshawk map import room.ply --out map --dry-run
@@ -166,6 +179,10 @@ def import_(
 
     An OctoMap or voxblox layer (ESDF, TSDF, occupancy) states what is free, occupied and unknown, and is taken so. Of
     distances, voxels within half their diagonal of a surface are occupied: a map that was exported comes back thicker.
+    So is nvblox' ESDF, points with distances (PLY); a slice of it holds from LOW to HIGH of --heights.
+
+    A volume of distances is a shape, as a mesh is: it needs --observed. Of one that Goshawk wrote, every voxel has its
+    state again.
 
     A map of map_server holds for one height. With --heights you state that all between LOW and HIGH is as at that one,
     free or occupied: tables and lamps are what it does not show. Its cells become voxels.
@@ -202,8 +219,10 @@ def import_file(
     progress("read the file", 0.0)
     if kind == "map":
         mesh, space, facts = _floor(file, asked.heights, beside=asked.beside)
-    elif kind in ("octomap", "voxblox"):
-        mesh, space, facts = _voxels(file, kind)
+    elif kind in ("octomap", "voxblox", "distances"):
+        mesh, space, facts = _voxels(file, kind, asked.heights)
+    elif kind == "volume":
+        mesh, space, facts = _volume(file, asked, origin, places)
     elif kind == "dem":
         mesh, space, facts = _elevation(file, asked, origin)
     elif kind == "cloud":
@@ -237,8 +256,10 @@ def look(file: Path, unit: str | None, up: str | None, origin: str | None) -> st
     from mapping import foreign_mesh
     from mapping.cloud import point_cloud
 
-    start = _origin(origin)
-    if _kind(file) == "cloud":
+    start, kind = _origin(origin), _kind(file)
+    if kind == "distances":
+        return "it states what is free and occupied; a slice of it wants heights between which it holds"
+    if kind == "cloud":
         cloud = point_cloud.read(file, unit=unit, up=up, origin=start)
         places, unit_said, up_said = cloud.points_world_m, cloud.unit, cloud.up
     else:
@@ -246,6 +267,11 @@ def look(file: Path, unit: str | None, up: str | None, origin: str | None) -> st
         places, unit_said, up_said = mesh.vertices_world_m, mesh.unit, mesh.up
     low, high = (", ".join(f"{value:.2f}" for value in end) for end in (places.min(axis=0), places.max(axis=0)))
     return f"it reaches from {low} to {high} m; unit {unit_said}; up {up_said}"
+
+
+def takes(file: Path, option: str) -> bool:
+    """Whether an option says something of a file. Raises as `import_file`."""
+    return _kind(file) in _FOR[option]
 
 
 def _origin(text: str | None) -> FloatArray | None:
@@ -259,17 +285,29 @@ def _kind(file: Path) -> str:
         raise InputError(f"{file.name} is an image; give the YAML file beside it, which states its place and scale")
     if suffix in (".yaml", ".yml"):
         return "map"
-    from mapping.cloud import columns, height_field, octomap_file, point_file, voxblox_file
+    from mapping.cloud import (
+        columns,
+        distance_points,
+        height_field,
+        octomap_file,
+        point_file,
+        vdb_file,
+        voxblox_file,
+    )
 
     if suffix in octomap_file.SUFFIXES:
         return "octomap"
     if suffix == voxblox_file.SUFFIX:
         return "voxblox"
+    if suffix == vdb_file.SUFFIX:
+        return "volume"
     if suffix in height_field.SUFFIXES:
         return "dem"
     if suffix in columns.SUFFIXES and suffix != ".ply":
         return "cloud"
-    return "cloud" if suffix == ".ply" and file.is_file() and not point_file.has_faces(file) else "mesh"
+    if suffix != ".ply" or not file.is_file() or point_file.has_faces(file):
+        return "mesh"
+    return "distances" if distance_points.is_layer(file) else "cloud"
 
 
 def _require_fitting(kind: str, asked: Asked) -> None:
@@ -292,7 +330,8 @@ def _require_fitting(kind: str, asked: Asked) -> None:
     }
     for option, value in given.items():
         if value and kind not in _FOR[option]:
-            kinds = " and ".join(_KINDS[one] for one in _FOR[option])
+            *most, last = (_KINDS[one] for one in _FOR[option])
+            kinds = f"{', '.join(most)} and {last}" if most else last
             raise InputError(f"{option} is for {kinds}; FILE is {_A_KIND[kind]}")
     others = {_kind(file) for file in asked.more}
     if others - {"cloud"} or (others and kind != "cloud"):
@@ -307,7 +346,7 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
 
     if heights is None:
         raise InputError(f"{file.name} is a map of one height; give --heights LOW,HIGH, between which it holds")
-    low_m, high_m = console.numbers("--heights", heights, 2)
+    low_m, high_m = _heights(heights)
     floor = map_server.read(file, beside=beside)
     space = imported.columns(floor, low_m, high_m)
     vertices, faces = map_server.walls(floor, low_m, low_m + space.grid.voxel_m[2] * space.grid.shape[2])
@@ -318,15 +357,17 @@ def _floor(file: Path, heights: str | None, *, beside: bool) -> tuple[Any, Any, 
     return mesh, space, _triangles(mesh)
 
 
+def _heights(text: str) -> tuple[float, float]:
+    low_m, high_m = console.numbers("--heights", text, 2)
+    return low_m, high_m
+
+
 def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any, Any, dict[str, Any]]:
     """The surface and the voxels of a digital elevation model, and facts about them."""
     from mapping import foreign_mesh
     from mapping.cloud import height_field
 
-    between = None
-    if asked.heights is not None:
-        low_m, high_m = console.numbers("--heights", asked.heights, 2)
-        between = (low_m, high_m)
+    between = None if asked.heights is None else _heights(asked.heights)
     field = height_field.read(file, origin=origin, unit=asked.unit)
     space = height_field.space(field, asked.voxel_m or _VOXEL_M, between)
     vertices, faces = height_field.surface(field)
@@ -335,18 +376,35 @@ def _elevation(file: Path, asked: Asked, origin: FloatArray | None) -> tuple[Any
     return mesh, space, _triangles(mesh) | cells
 
 
-def _voxels(file: Path, kind: str) -> tuple[Any, Any, dict[str, Any]]:
-    """The sides of what is occupied, the voxels of an OctoMap or voxblox layer, and facts about them."""
+def _voxels(file: Path, kind: str, heights: str | None) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of a file that states them, and facts about them."""
     from mapping import foreign_mesh
-    from mapping.cloud import occupancy, octomap_file, voxblox_file
+    from mapping.cloud import distance_points, occupancy, octomap_file, voxblox_file
 
-    space = octomap_file.read(file) if kind == "octomap" else voxblox_file.read(file)
+    if kind == "distances":
+        space = distance_points.read(file, None if heights is None else _heights(heights))
+    else:
+        space = octomap_file.read(file) if kind == "octomap" else voxblox_file.read(file)
     vertices, faces, _ = occupancy.surface(space)
     if not len(faces):
         raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
-    rule = f"({'OctoMap' if kind == 'octomap' else 'voxblox'}'s rule)"
+    rule = f"({_RULES[kind]} rule)"
     mesh = foreign_mesh.ForeignMesh(vertices, faces, f"m {rule}", f"z {rule}", 0)
     return mesh, space, _triangles(mesh) | ({"layer": space.of} if space.of else {})
+
+
+def _volume(file: Path, asked: Asked, origin: FloatArray | None, places: FloatArray) -> tuple[Any, Any, dict[str, Any]]:
+    """The sides of what is occupied, the voxels of an OpenVDB volume, and facts about them."""
+    from mapping import foreign_mesh
+    from mapping.cloud import occupancy, vdb_file
+
+    found = vdb_file.read(file, unit=asked.unit, up=asked.up, origin=origin)
+    space = vdb_file.space(found, places)
+    vertices, faces, _ = occupancy.surface(space)
+    if not len(faces):
+        raise InputError(f"{file.name} has nothing occupied: a map without surfaces is no map to plan in")
+    mesh = foreign_mesh.ForeignMesh(vertices, faces, found.unit, found.up, 0)
+    return mesh, space, _triangles(mesh)
 
 
 def _triangles(mesh: Any) -> dict[str, Any]:

@@ -22,16 +22,19 @@ from mapping.free_space import FreeSpace
 
 COLUMNS: dict[str, type] = {
     "name": str, "status": str, "reason": str, "segments": int, "duration_s": float, "clearance_m": float,
-    "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float, "method": str,
+    "top_speed_m_s": float, "could_hide_m": float, "could_hide_share": float,
+    "hidden_price_paid_m": float, "method": str,
     "trajectory_hash": str, "cpu_s": float,
 }  # fmt: skip
 """Of the tables.
 
 `could_hide_m` is how thick an obstacle could hide near it, None where no image looked, and `could_hide_share` the share
-of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it."""
+of its length along which more than `mapping.free_space.THRESHOLD_M` could; None where nothing is known of it.
+`hidden_price_paid_m` is by how much it counts longer for --hidden-price, None where that was not asked."""
 KIND = Kind(
     "goshawk-batch", "missions", "plan", "plans", "planned", "the mission's file", "mission, map, vehicle or options",
-    COLUMNS, ("planned",), ("infeasible", "refused"), ("could_hide_m", "could_hide_share"),
+    COLUMNS, ("planned",), ("infeasible", "refused"),
+    ("could_hide_m", "could_hide_share", "hidden_price_paid_m"),
 )  # fmt: skip
 
 
@@ -164,6 +167,7 @@ def plan_one(path: Path, job: Job) -> Row:
         top_speed_m_s=top_speed_m_s(plan.trajectory),
         could_hide_m=None if hidden is None or hidden.unobserved else hidden.thickness_m,
         could_hide_share=None if hidden is None else hidden.length_share,
+        hidden_price_paid_m=None if plan.gate.hidden is None else plan.gate.hidden.paid_m,
         method=plan.method,
         trajectory_hash=plan.gate.trajectory_hash,
         cpu_s=time.process_time() - began,

@@ -10,6 +10,7 @@ import planner
 import vehicle
 from flight import TrajectoryFile, trajectory
 from flight.progress import within
+from goshawk.commands.plan import thin_obstacles
 from goshawk.terminal import console, outputs
 from planner.gate import could_hide, gate
 from planner.gate.limits import Check
@@ -89,7 +90,9 @@ def command(
         else:
             report = gate.check_file(item, field, believed, options, progress=checking)
         thinnest_m = could_hide.asked_of(item) if thinnest_m is None else thinnest_m
-        report = could_hide.add(report, item.trajectory, area.free_space(), thinnest_m)
+        free = area.free_space()
+        report = could_hide.add(report, item.trajectory, free, thinnest_m)
+        report = replace(report, hidden=thin_obstacles.paid(item, free))
     if renew and report.passed:
         with outputs.file(trajectory_file, overwrite=True) as temporary:
             trajectory.save(temporary, renewed(item, report))

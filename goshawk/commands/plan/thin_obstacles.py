@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import esdf
 import planner
-from flight import InfeasibleError, InputError, Progress, silent
+from flight import InfeasibleError, InputError, Progress, TrajectoryFile, silent
 from flight.mission import Mission
 from mapping import Map
 from mapping.free_space import FreeSpace
 from planner import mission
 from planner.gate import could_hide, gate
-from planner.request.hidden import HiddenPrice
+from planner.request import hidden
+from planner.request.hidden import HiddenPrice, Paid
 from vehicle import Vehicle
 
 
@@ -43,6 +44,19 @@ def priced(
     if free is None:
         raise InputError(f"{area.folder} has no images: what could hide in it is not known; leave out --hidden-price")
     return replace(options, hidden=HiddenPrice(hidden_price, free))
+
+
+def paid(item: TrajectoryFile, free: FreeSpace | None) -> Paid | None:
+    """What a file's trajectory pays in a map's free space, at the price that it was planned with.
+
+    Returns:
+        None where no price was asked, or where what the map's images resolve is not known.
+
+    Raises:
+        FormatError: the file's record of the price is damaged.
+    """
+    price = hidden.asked_of(item)
+    return None if price is None or free is None else HiddenPrice(price, free).paid(item.trajectory)
 
 
 def free_share(field: esdf.Field, area: Map) -> float:

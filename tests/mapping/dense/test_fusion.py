@@ -212,3 +212,16 @@ def test_turning_and_moving_everything_turns_and_moves_the_surface() -> None:
     result = surface.reconstruct([moved], DenseOptions(least_component_faces=10), depths=[depth])
     offset = (frames.apply(frames.invert(T), result.vertices_world_m) - view.position_world_m - [2.0, 0, 0]) @ normal
     assert np.abs(offset).max() < 0.015
+
+
+def test_a_hall_that_does_not_fit_is_known_by_its_recorded_places_however_they_are_turned() -> None:
+    corners = np.array(np.meshgrid([0.0, 100.0], [0.0, 50.0], [0.0, 10.0])).reshape(3, -1).T
+    T = frames.transform(rotations.from_yaw(0.6), np.array([5.0, -3.0, 1.0]))
+    turned = corners @ T[:3, :3].T + T[:3, 3]
+    for places in (corners, turned, np.concatenate([corners, np.full((2, 3), np.nan)])):
+        with pytest.raises(InputError, match=r"400 million voxels of 0.05 m, .* take --voxel 0.055"):
+            fusion.require_room("recorded poses", places, 0.05)
+        fusion.require_room("recorded poses", places, 0.055)
+    fusion.require_room("recorded poses", corners * [1.0, 1.0, 0.0], 0.01)
+    fusion.require_room("recorded poses", corners[:2], 0.01)
+    fusion.require_room("recorded poses", np.full((9, 3), np.nan), 0.01)

@@ -89,6 +89,10 @@ def test_a_voxblox_layer_and_an_openvdb_volume_are_the_maps_field(folder: Path, 
     assert (again.field.state != UNKNOWN).sum() == len(places)
     tinyvdb = pytest.importorskip("tinyvdb", reason="TinyVDB reads what we write")
     run("map", "export", folder, "--out", tmp_path / "a.vdb")
+    assert "m (Goshawk's rule)" in run("map", "import", tmp_path / "a.vdb", "--out", tmp_path / "same")
+    same, known = mapping.open_map(tmp_path / "same").field, area.field.state[area.field.state != UNKNOWN]
+    np.testing.assert_array_equal(same.state[tuple(same.grid.index(places).T)], known)
+    assert (same.state != UNKNOWN).sum() == len(places)
     file = tinyvdb.open(str(tmp_path / "a.vdb"))
     file.read_grids()
     volume = file.grid(0)
@@ -118,9 +122,13 @@ def test_an_elevation_model_and_distances_are_those_of_the_map(folder: Path, tmp
     assert 0 < len(layer) < len(places)
     assert np.ptp(layer[:, 2]) == 0.0
     assert abs(layer[0, 2] - height_m) <= 0.5 * area.field.grid.voxel_m[2] + 1e-9
-    ended = answer("map", "import", tmp_path / "d.ply", "--out", tmp_path / "none")
+    run("map", "import", tmp_path / "d.ply", "--out", tmp_path / "again")
+    again = mapping.open_map(tmp_path / "again").field
+    known = area.field.state[area.field.state != UNKNOWN]
+    np.testing.assert_array_equal(again.state[tuple(again.grid.index(places).T)], known)
+    ended = answer("map", "import", tmp_path / "s.ply", "--out", tmp_path / "none")
     assert ended.returncode == 2
-    assert "holds distances at all voxels, not measured points" in ended.stderr
+    assert "--heights LOW,HIGH" in ended.stderr
 
 
 def test_more_distances_than_memory_is_for_are_refused_and_a_slice_is_not(folder: Path, monkeypatch) -> None:

@@ -52,6 +52,16 @@ def test_a_file_without_faces_is_points_and_without_a_sensor_nothing_is_free(tmp
     assert json.loads(run("map", "import", file, "--out", tmp_path / "m", *SIZE, *stated, "--json"))["free_m3"] > 5.0
 
 
+def test_two_scans_far_apart_in_one_file_are_told(tmp_path: Path) -> None:
+    points = scan(EYE, 20_000)
+    library: Any = open3d
+    both = library.t.geometry.PointCloud(np.concatenate([points, points + np.array([30.0, 0.0, 0.0])]))
+    assert library.t.io.write_point_cloud(str(tmp_path / "two.ply"), both)
+    assert "2 parts" in run("map", "import", tmp_path / "two.ply", "--out", tmp_path / "m", *SIZE, "--dry-run")
+    one = run("map", "import", written(tmp_path / "one.ply"), "--out", tmp_path / "m", *SIZE, "--dry-run", "--json")
+    assert json.loads(one)["parts"] == 1
+
+
 @pytest.mark.parametrize("scale", [1.0, 1000.0])
 def test_a_scan_in_another_unit_is_the_same_map(tmp_path: Path, scale: float) -> None:
     asked = ("--out", tmp_path / "map", "--sensor", "0.7,1.5,1", *SIZE, "--json", "--dry-run")

@@ -42,7 +42,7 @@ def test_a_hill_is_a_hill_with_air_above_it_as_stated(tmp_path: Path) -> None:
 def test_what_is_missing_is_asked_for(tmp_path: Path) -> None:
     file = hill(tmp_path)
     assert "give --origin 512300,5403200,410" in refusal(file)
-    assert "--observed is for meshes and points; FILE is an elevation model" in refusal(
+    assert "--observed is for meshes, points and volumes; FILE is an elevation model" in refusal(
         file, *ORIGIN, "--observed", "1,1,9"
     )
     advice = run("map", "import", file, "--out", tmp_path / "dry", *ORIGIN, "--voxel", "0.25", "--dry-run")

@@ -163,6 +163,24 @@ def test_a_run_that_is_to_stop_says_so_as_json_too(capsys, tmp_path):
     assert run(capsys, "map", "build", *given, "--until-stage", "check") == {"stopped_after": "check"}
 
 
+def test_a_hall_that_does_not_fit_is_refused_before_any_work(capsys, tmp_path):
+    (tmp_path / "images").mkdir()
+    corners = [(x, y, z) for x in (0, 100) for y in (0, 50) for z in (0, 10)]
+    for k in range(8):
+        cv2.imwrite(str(tmp_path / "images" / f"{k}.png"), np.full((120, 160), 30 * k, dtype=np.uint8))
+    times = "".join(f"{k}.png,{100 * k}\n" for k in range(8))
+    (tmp_path / "images" / "times.csv").write_text("image,time_s\n" + times)
+    time_s = np.arange(701.0)
+    path = [np.interp(time_s, 100.0 * np.arange(8), axis) for axis in np.array(corners).T]
+    poses = [f"{t} {x} {y} {z} 0 0 0 1\n" for t, x, y, z in zip(time_s, *path, strict=True)]
+    (tmp_path / "p.tum").write_text("".join(poses))
+    rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
+    given = (tmp_path / "images", "--camera", tmp_path / "c.toml", "--poses", tmp_path / "p.tum")
+    with pytest.raises(InputError, match=r"between the recorded poses \(p.tum\) has 400 million voxels"):
+        run(capsys, "map", "build", *given, "--out", tmp_path / "map")
+    assert not (tmp_path / "map.work").exists()
+
+
 def test_a_video_is_to_be_checked_by_its_frames(tmp_path):
     rigs.save(tmp_path / "c.toml", rigs.Rig((rigs.forward_camera("PINHOLE", 160, 120, [100, 100, 80, 60]),)))
     (tmp_path / "walk.mp4").write_bytes(b"")

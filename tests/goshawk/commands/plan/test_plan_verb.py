@@ -389,6 +389,11 @@ def test_a_price_on_hidden_space_buys_a_detour_and_the_plan_says_what_it_paid(pa
     assert "hidden_price" not in in_files[0]
     assert [check["hidden_price"] for check in in_files[1:]] == [0.01, 20]
     assert in_files[1]["hidden_price_paid_m"] == low["hidden_price_paid_m"]
+    assert goshawk("check", tmp_path / "low.json", *world(patchy), "--renew").returncode == 0
+    renewed = trajectory.load(tmp_path / "low.json").check
+    assert {name: renewed[name] for name in renewed if "hidden" in name} == {
+        name: in_files[1][name] for name in in_files[1] if "hidden" in name
+    }
     assert high["could_hide"]["length_share"] < low["could_hide"]["length_share"]
     assert goshawk("plan", *call, "--out", tmp_path / "x.json", "--hidden-price", 0).returncode == 2
 
@@ -412,6 +417,8 @@ def test_a_batch_plans_anew_for_another_price_of_hidden_space(patchy, tmp_path):
         run(*call, *asked, "--overwrite")
         check = json.loads((tmp_path / "plans" / "trajectories" / "across.json").read_text())["check"]
         assert check.get("hidden_price") == price
+        row = json.loads((tmp_path / "plans" / "results.json").read_text())["missions"][0]
+        assert row["hidden_price_paid_m"] == check.get("hidden_price_paid_m")
 
 
 def test_a_batch_tells_what_could_hide_near_each_plan(patchy, tmp_path):
