@@ -13,7 +13,6 @@ import pytest
 import vehicle
 from esdf import load_edits, solids
 from flight import flight_log, mission, project, trajectory
-from flight.trajectory import fingerprint
 from gcs_web.document import journal
 from gcs_web.document.document import Settings
 from gcs_web.document.session import Session
