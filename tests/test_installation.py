@@ -217,3 +217,11 @@ def test_the_doctor_names_a_distribution_that_installs_into_a_package_of_ours(tm
     code = "from goshawk import installation; print(installation.other_owners())"
     assert first_import(ROOT, code=code).stdout == "{}\n"
     assert first_import(tmp_path, ROOT, code=code).stdout == "{'planner': ['route-planner']}\n"
+
+
+def test_every_place_that_has_the_version_has_the_same():
+    version = PROJECT["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert (ROOT / "CHANGELOG.md").read_text().split("\n## ")[1].startswith(f"{version} ")
+    named = re.findall(r"goshawk-(\d+\.\d+\.\d+)-", (ROOT / "docs/start/install.md").read_text())
+    assert set(named) == {version}
