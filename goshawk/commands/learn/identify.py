@@ -151,7 +151,8 @@ def command(
     if result is None:
         with console.progress() as progress:
             fits = fit_flights(asked, believed, options, columns, progress)
-        further = _next(fits.cause, asked, vehicle_file, added, out, columns, fit_options.typed(fit))
+        further = _mends(fits.logs, vehicle_file, columns)
+        further += _next(fits.cause, asked, vehicle_file, added, out, columns, fit_options.typed(fit))
         result = kept.Kept(_document(fits), _screen(fits), fits.answer.vehicle, {"next": further})
         kept.keep(KIND, first, key, result)
         files = write_figures(fits, report_file, plots, overwrite=overwrite)
@@ -283,6 +284,17 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     for finding in found.findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
     return replace(found, name=path)
+
+
+def _mends(logs: Mapping[str, sysid.LogReport], vehicle_file: Path, columns: Path | None) -> list[str]:
+    """The command for each log that was misread and of which its checks know how to mend it."""
+    found: list[str] = []
+    for path, report in logs.items():
+        mendable = any(finding.repair for finding in report.findings if finding.level == "error")
+        if mendable and of_logs([report]).misread:
+            words = ["goshawk", "log", "fix", path, *(["--columns", str(columns)] if columns else [])]
+            found.append(shlex.join([*words, "--vehicle", str(vehicle_file), "--out", "NEW.parquet"]))
+    return found
 
 
 def _next(
