@@ -283,18 +283,21 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     found = fit_options.worded_report(sysid.check_log(log, believed))
     for finding in found.findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
+    if _is_mendable(found):
+        click.echo(f"{path}: `goshawk log fix` writes a log without that", err=True)
     return replace(found, name=path)
 
 
 def _mends(logs: Mapping[str, sysid.LogReport], vehicle_file: Path, columns: Path | None) -> list[str]:
     """The command for each log that was misread and of which its checks know how to mend it."""
-    found: list[str] = []
-    for path, report in logs.items():
-        mendable = any(finding.repair for finding in report.findings if finding.level == "error")
-        if mendable and of_logs([report]).misread:
-            words = ["goshawk", "log", "fix", path, *(["--columns", str(columns)] if columns else [])]
-            found.append(shlex.join([*words, "--vehicle", str(vehicle_file), "--out", "NEW.parquet"]))
-    return found
+    reading = [*(["--columns", str(columns)] if columns else []), "--vehicle", str(vehicle_file)]
+    mendable = [path for path, report in logs.items() if _is_mendable(report)]
+    return [shlex.join(["goshawk", "log", "fix", path, *reading, "--out", "NEW.parquet"]) for path in mendable]
+
+
+def _is_mendable(report: sysid.LogReport) -> bool:
+    known = any(finding.repair for finding in report.findings if finding.level == "error")
+    return known and of_logs([report]).misread
 
 
 def _next(
