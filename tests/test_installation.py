@@ -217,3 +217,21 @@ def test_the_doctor_names_a_distribution_that_installs_into_a_package_of_ours(tm
     code = "from goshawk import installation; print(installation.other_owners())"
     assert first_import(ROOT, code=code).stdout == "{}\n"
     assert first_import(tmp_path, ROOT, code=code).stdout == "{'planner': ['route-planner']}\n"
+
+
+def test_every_place_that_has_the_version_has_the_same():
+    version = PROJECT["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert (ROOT / "CHANGELOG.md").read_text().split("\n## ")[1].startswith(f"{version} ")
+    named = re.findall(r"goshawk-(\d+\.\d+\.\d+)-", (ROOT / "docs/start/install.md").read_text())
+    assert set(named) == {version}
+
+
+def test_what_the_compiled_modules_contain_of_others_is_shipped_with_its_notices():
+    assert "THIRD_PARTY.txt" in PROJECT["license-files"]
+    shipped = (ROOT / "THIRD_PARTY.txt").read_text()
+    of_nanobind = next(f for f in metadata.files("nanobind") or () if f.name == "LICENSE").read_text()
+    assert of_nanobind.strip() in shipped
+    inside = Path(str(metadata.distribution("nanobind").locate_file("nanobind/ext"))).iterdir()
+    assert {library.name for library in inside} == {"robin_map"}
+    assert "Thibaut Goetghebuer-Planchon" in shipped

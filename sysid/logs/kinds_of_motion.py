@@ -98,7 +98,7 @@ def _by_gyro(log: FlightLog) -> dict[str, float]:
     span = np.floor((time_s[1:] - time_s[0]) / TURN_STEP_S).astype(int)
     _, at, count = np.unique(span, return_inverse=True, return_counts=True)
     rate = np.stack([np.bincount(at, weights=axis) for axis in rate[known[1:]].T], axis=1) / count[:, None]
-    step_s = np.bincount(at, weights=np.minimum(np.diff(time_s), STEP_S)).astype(float)
+    step_s = np.bincount(at, weights=np.diff(time_s)).astype(float)
     return {TILTING: _reached(rate[:, :2], step_s), YAWING: _reached(rate[:, 2:], step_s)}
 
 

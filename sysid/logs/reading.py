@@ -18,7 +18,7 @@ from sysid.logs.readers import (
     read_usdlog,
 )
 from sysid.logs.readers.draft_columns import Draft
-from sysid.logs.readers.kinds import kind_of
+from sysid.logs.readers.kinds import kind_of, own_other
 
 DRAFTED = "drafted"
 """Key of a log's metadata: what the columns of a file without a map were taken for, one sentence each."""
@@ -31,6 +31,11 @@ READERS = {
     "tum": read_poses.read_tum,
 }
 """Kinds that say themselves what their columns are."""
+_BY_OPTION = {
+    "goshawk-vehicle": "give it by --vehicle",
+    "goshawk-csv-map": "give it by --columns",
+    "goshawk-bag-map": "give it by --columns",
+}
 KINDS = (
     "PX4 (.ulg), ArduPilot (.BIN, .log), blackbox (.BBL, .BFL), Crazyflie's SD card, telemetry (.tlog), TUM, EuRoC's "
     "folder, CSV, ROS (.bag, .mcap, .db3) or our own (.parquet)"
@@ -81,7 +86,10 @@ def needs_map(path: Path) -> bool:
 def _kind(path: Path) -> str:
     if not path.exists():
         raise errors.missing(path)
-    return kind_of(path)
+    kind = kind_of(path)
+    if kind == "csv" and (own := own_other(path)):
+        raise FormatError(f"{path} is a {own} file, no flight log; {_BY_OPTION.get(own, 'give a log')}")
+    return kind
 
 
 def _read(path: Path, column_map: Path | None) -> FlightLog:

@@ -258,3 +258,11 @@ def test_each_image_of_each_camera_is_named_by_its_folder_and_stands_where_that_
     assert [shot.camera.name for shot in found] == ["a", "b", "a", "b"]
     for shot, pose in zip(found, poses.repeat(2, axis=0), strict=True):
         np.testing.assert_array_equal(shot.T_world_camera, pose @ shot.camera.T_body_camera)
+
+
+def test_a_price_counts_what_could_hide_but_for_where_the_space_is_known_to_be_empty():
+    empty = NOTHING.copy()
+    empty[:31] = True
+    points = np.array([[1.0, 2.0, 1.2], [4.0, 2.0, 1.2], [9.0, 2.0, 1.2]])  # the last is outside the map
+    np.testing.assert_array_equal(room(empty, everywhere(np.inf)).hidden_share(points), [0.0, 1.0, 1.0])
+    np.testing.assert_array_equal(room(empty, everywhere(THRESHOLD_M)).hidden_share(points[:2]), [0.0, 0.0])

@@ -7,7 +7,7 @@ import pytest
 
 import preflight
 from esdf.visibility import CouldHide, Stretch
-from preflight import hidden, statistics
+from preflight import core, hidden, statistics
 from preflight.hidden import Hidden
 from preflight.rare import Rare, Risk
 from tests.preflight.conftest import EXACT, Wall
@@ -99,3 +99,13 @@ def test_the_method_goes_by_the_accepted_risk_and_counts_what_is_left_of_it():
 def test_what_is_hidden_moves_no_flight(drone, curve):
     one, other = flown(drone, curve, None).record, flown(drone, curve, stated(0.01)).record
     assert (one.clearance_m == other.clearance_m).all()
+
+
+def test_a_plan_that_more_than_a_tenth_of_the_flights_give_up_is_no_go_though_none_is_lost(drone, curve):
+    safe = flown(drone, curve, None)
+    for given_up, go in ((6, True), (7, False)):
+        endings = np.where(np.arange(60) < given_up, core.TIMED_OUT, core.FINISHED)
+        found = replace(safe, record=replace(safe.record, ending=endings))
+        assert found.lost.count == 0
+        assert found.go is go
+    assert found.reason() == "only 88 % of the flights come to the end"

@@ -151,7 +151,8 @@ def command(
     if result is None:
         with console.progress() as progress:
             fits = fit_flights(asked, believed, options, columns, progress)
-        further = _next(fits.cause, asked, vehicle_file, added, out, columns, fit_options.typed(fit))
+        further = _mends(fits.logs, vehicle_file, columns)
+        further += _next(fits.cause, asked, vehicle_file, added, out, columns, fit_options.typed(fit))
         result = kept.Kept(_document(fits), _screen(fits), fits.answer.vehicle, {"next": further})
         kept.keep(KIND, first, key, result)
         files = write_figures(fits, report_file, plots, overwrite=overwrite)
@@ -282,7 +283,21 @@ def _checked(path: str, log: FlightLog, believed: vehicle.Vehicle) -> sysid.LogR
     found = fit_options.worded_report(sysid.check_log(log, believed))
     for finding in found.findings:
         click.echo(f"{path}: {finding.level}: {finding.sentence}; {finding.fix}", err=True)
+    if _is_mendable(found):
+        click.echo(f"{path}: `goshawk log fix` writes a log without that", err=True)
     return replace(found, name=path)
+
+
+def _mends(logs: Mapping[str, sysid.LogReport], vehicle_file: Path, columns: Path | None) -> list[str]:
+    """The command for each log that was misread and of which its checks know how to mend it."""
+    reading = [*(["--columns", str(columns)] if columns else []), "--vehicle", str(vehicle_file)]
+    mendable = [path for path, report in logs.items() if _is_mendable(report)]
+    return [shlex.join(["goshawk", "log", "fix", path, *reading, "--out", "NEW.parquet"]) for path in mendable]
+
+
+def _is_mendable(report: sysid.LogReport) -> bool:
+    known = any(finding.repair for finding in report.findings if finding.level == "error")
+    return known and of_logs([report]).misread
 
 
 def _next(

@@ -1,6 +1,7 @@
 """Which program wrote a recording, by its content; its name decides only where the content does not."""
 
 import gzip
+import re
 import zlib
 from pathlib import Path
 
@@ -23,6 +24,7 @@ _ENDINGS = (
     ((".tlog",), "tlog"),
     ((".bbl", ".bfl", ".bf"), "blackbox"),
 )
+_OWN = re.compile(rb'^\{?\s*"?format"?\s*[=:]\s*"(goshawk-[a-z-]+)"', re.M)
 
 
 def kind_of(path: Path) -> str:
@@ -52,6 +54,12 @@ def kind_of(path: Path) -> str:
     name = path.name.lower()
     by_name = next((kind for endings, kind in _ENDINGS if name.endswith(endings)), "")
     return by_name or ("csv" if _is_text(head) else "unknown")
+
+
+def own_other(path: Path) -> str:
+    """The `format` of a TOML or JSON file of ours, which is no log; empty where it names none."""
+    found = None if path.is_dir() else _OWN.search(_head(path))
+    return found[1].decode() if found else ""
 
 
 def _head(path: Path) -> bytes:

@@ -91,6 +91,18 @@ def test_a_path_that_is_to_be_finished_without_a_link_is(body):
     assert violations(result) == []
 
 
+def test_a_path_to_be_finished_that_is_paused_lands_without_a_link(body):
+    """Nobody is there to resume it, and paused it comes to no end."""
+    path = legs(EIGHT_M, speed_m_s=2.0, policy=Policy.FINISH)
+    pause = Order(Command.PAUSE, after_s=1.0, since=State.TRAJECTORY)
+    lost = Fault(Kind.LINK_LOST, (), 1.0, since=State.PAUSED)
+    scenario = Scenario(orders=(*TAKE_OFF, START, pause), path=path, faults=(lost,), parameters={"link_hold_s": 3.0})
+    result = body.fly(scenario)
+    assert landed_by(result, Reason.LINK_LOST)
+    assert not result.had(Reason.FINISHED)
+    assert violations(result) == []
+
+
 @pytest.mark.parametrize(("mass_kg", "reasons"), [
     (0.75, {Reason.OK}),
     (1.4, {Reason.CHANGE_TOO_LARGE, Reason.CANNOT_HOVER}),

@@ -213,6 +213,8 @@ def test_an_error_of_the_guard_brings_it_down_and_the_sticks_go_on(capsys):
 
     scene.guard._poses = broken
     sent = len(scene.line.sent)
+    scene.run(2 * PERIOD_S)
+    assert scene.guard._motion(scene.now_s) is None, "poses from before may have been the error"
     scene.run(0.5)
     assert (scene.stage, scene.reason) == (Stage.DESCENDING, Reason.GUARD_FAULT)
     assert len(scene.line.sent) - sent >= 0.5 / PERIOD_S - 2

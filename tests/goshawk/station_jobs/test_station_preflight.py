@@ -1,5 +1,6 @@
 """The page's preflight: the plan in simulation as the verb flies it, kept by what it was flown for."""
 
+import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -110,6 +111,10 @@ def test_what_the_map_says_of_itself_counts_though_no_voxel_changes(opened, item
     told = tmp_path / "project" / "map" / name
     told.write_bytes((told.read_bytes() if told.exists() else b"") + b" ")
     assert preflown.of(tmp_path / "project", item).stale == "the map"
+    longer, written_ns = preflown.Flown.of(tmp_path / "project", item), told.stat().st_mtime_ns
+    told.write_bytes(told.read_bytes()[:-1] + b"!")  # as long as before
+    os.utime(told, ns=(written_ns, written_ns + 10_000_000))
+    assert preflown.Flown.of(tmp_path / "project", item).map != longer.map
 
 
 def test_another_version_of_the_simulation_is_flown_again(opened, item, found, monkeypatch):

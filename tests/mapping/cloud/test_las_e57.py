@@ -193,6 +193,9 @@ def test_a_las_file_in_degrees_or_of_an_unknown_projection_is_not_guessed(tmp_pa
     mixed = HEIGHTS.format(GRID_IN.format("US survey foot", "0.304800609601219"), "metre", "1")
     with pytest.raises(InputError, match=r"different units for its axes \(ft, m\)"):
         point_cloud.read(las(tmp_path / "mixed.las", record=(2112, mixed.encode())))
+    feet_up = keys((1024, 1), (3076, 9001), (4099, 9003))
+    with pytest.raises(InputError, match=r"different units for its axes \(ft, m\)"):
+        point_cloud.read(las(tmp_path / "feet_up.las", record=feet_up))
     for record in (
         keys((1024, 1), (3072, 25832)),
         (2112, b"somewhere"),

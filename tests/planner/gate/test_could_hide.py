@@ -123,3 +123,13 @@ def test_the_advice_names_an_option_only_where_images_tell_what_could_hide(flown
     report, _, path = flown
     assert "--thinnest" not in could_hide.advice(report)
     assert "--thinnest" in could_hide.advice(could_hide.add(report, path, space(0.05), None))
+
+
+def test_only_as_low_above_the_ground_as_the_gate_asks_for_less_is_it_not_asked():
+    ground, required_m = np.array([[1.0, 2.0, 0.5]]), 0.3
+    heights_m = np.array([0.0, 0.2, 0.33, 0.35, 1.0])
+    path = ground + heights_m[:, None] * [0.0, 0.0, 1.0]
+    low = could_hide._above_ground(path, ground, required_m)
+    np.testing.assert_array_equal(low, heights_m < required_m + 0.04)  # the ground may lie .02 deep, and .02 is allowed
+    assert not could_hide._above_ground(path + np.array([0.01, 0.0, 0.0]), ground, required_m).any()
+    assert not could_hide._above_ground(path, None, required_m).any()

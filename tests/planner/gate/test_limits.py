@@ -130,3 +130,12 @@ def test_a_plan_leaves_the_controller_its_control_reserve():
         assert speeds.max() < usable.rotor_speed_max_rad_s + 1.0
         durations.append(plan.trajectory.duration_s)
     assert durations == sorted(durations)
+
+
+def test_a_vehicle_that_cannot_hover_fails_every_limit_with_its_reason(drone):
+    used, checks = limits.measure(some_path(4, 3.0), drone.with_value("mass_kg", 20.0), drone.limits, step_s=0.02)
+    assert used is None
+    assert {"speed", "rotor speed", "slowest rotor"} <= {check.name for check in checks}
+    for check in checks:
+        assert not check.passed
+        assert "cannot hover" in check.reason

@@ -357,6 +357,23 @@ static void box_of_the_plan(void) {
     }
 }
 
+/* The hover at a path's end is kept in its box, another hover is not: it may be anywhere within the fence. */
+static void box_after_the_plan(void) {
+    for (int after = 0; after < 2; after++) {
+        start_in(TC_TRAJECTORY, 0);
+        set(small_margin);
+        ticks(0.05f);
+        const tc_trajectory* plan = tc_store_active(&g.c.store);
+        const float edge_m = plan->most_m[1] + 0.07f;
+        g.c.mission.state = TC_HOLD;
+        g.c.mission.previous_state = after == 1 ? TC_TRAJECTORY : TC_TAKE_OFF;
+        g.offset_m[1] = edge_m - g.c.telemetry.setpoint.position_world_m[1];
+        tick();
+        const bool breach = g.c.mission.reason == (uint8_t)TC_FENCE_BREACH;
+        must(breach == (after == 1), "hovering after the path, and after a take-off");
+    }
+}
+
 void ground_cases(void) {
     sure_ground();
     hit_while_unloading();
@@ -374,4 +391,5 @@ void ground_cases(void) {
     grounded();
     crash();
     box_of_the_plan();
+    box_after_the_plan();
 }

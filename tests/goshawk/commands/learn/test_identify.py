@@ -13,6 +13,10 @@ import pytest
 
 import vehicle
 from flight import FlightLog, flight_log
+from goshawk.commands.learn import identify
+from sysid.logs.check import LogReport
+from sysid.logs.checks.finding import error, warning
+from sysid.logs.events.repair import Repair
 from tests.goshawk.running import run
 from tests.waiting import PATIENCE_S
 
@@ -173,3 +177,18 @@ def test_the_model_of_another_vehicle_gets_a_warning(folder):
     remarks = json.loads(run(*words, "--vehicle", folder / "hummingbird.toml", "--json"))["remarks"]
     assert [remark for remark in remarks if remark.startswith("hummingbird leaves")]
     assert all("hummingbird" in remark for remark in remarks)
+
+
+@pytest.mark.parametrize(
+    ("found", "offered"),
+    [
+        (error("rotor order", "s", "f", repair=Repair("rotor order", (), order=(2, 1, 3, 0))), True),
+        (error("rotor order", "s", "f"), False),  # no change of the log that was tried mends it
+        (error("frozen", "s", "f", repair=Repair("blank", ())), False),  # the fit leaves that out by itself
+        (warning("clock", "s", "f", repair=Repair("shift", ())), False),
+    ],
+)
+def test_for_a_log_that_was_misread_the_command_that_mends_it_is_offered(found, offered):
+    logs = {"my a.csv": LogReport("my a.csv", 9.0, 100.0, (found,))}
+    mended = "goshawk log fix 'my a.csv' --columns c.toml --vehicle v.toml --out NEW.parquet"
+    assert identify._mends(logs, Path("v.toml"), Path("c.toml")) == ([mended] if offered else [])

@@ -9,6 +9,7 @@ import pytest
 import sysid
 from flight import FlightLog, InputError
 from sysid import HoverCommand, RotorThrust
+from sysid.estimator.without_pose import anchors_judged
 from sysid.estimator.without_pose.anchors import beside, rotor_thrust_n
 from sysid.logs.motors import full_throttle
 from tests.vehicle import frames
@@ -149,3 +150,14 @@ def test_a_hover_command_is_of_all_rotors_of_the_vehicle(frame):
     right = beside([HoverCommand(0.5, 0.01)], [cast(Any, flight)], body, (), {})
     assert right.hovers_at(body, None) == pytest.approx(0.5, abs=1e-3)
     assert right.errors(body) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(("sigmas", "wrong"), [(2.9, False), (3.1, True)])
+def test_an_anchor_contradicts_all_the_rest_from_three_standard_errors_on(sigmas, wrong):
+    """As far apart as the deviations of both, added in squares, say."""
+    rest = anchors_judged._Rest(apart=-0.05 * sigmas, std=0.04)
+    known = cast(Any, SimpleNamespace(hovers=(HoverCommand(0.5, 0.03),)))
+    judged = anchors_judged._hover(known, 0, rest)
+    assert judged.sigmas == pytest.approx(sigmas)
+    assert judged.contradicts is wrong
+    assert ("contradicts flights and the rest" in judged.sentence) is wrong
