@@ -17,6 +17,7 @@ import vehicle
 from esdf.storage import EDITS
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import InputError, TrajectoryFile, Waypoints, project, silent
+from flight.trajectory import fingerprint
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
 from gcs_web.scene.flights_view import TOUCHING, flight_colours
@@ -102,6 +103,24 @@ def test_it_is_kept_for_this_plan_map_and_vehicle_and_stale_for_any_other(opened
 def test_the_same_waypoints_planned_again_are_the_same_plan(opened, item, found):
     again = planned(mapping.open_map(opened.map), vehicle.load(opened.vehicle))
     assert preflown.of(opened.folder, again) == found
+
+
+def test_a_no_go_is_told_after_a_waypoint_of_nine_was_moved_and_moved_back(opened, found, tmp_path):
+    """Plans go on from the last one, so the same waypoints may have another path: then it is stale, not forgotten."""
+    folder = shutil.copytree(opened.folder, tmp_path / "project", ignore=shutil.ignore_patterns(".session"))
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    places = np.linspace([0.8, 0.8, 1.0], [5.2, 0.8, 1.2], 9) + 0.05 * (np.arange(9) % 2)[:, None]
+    options = planner.PlanOptions(margin_m=0.15).sized(believed)
+    going_on = planner.Planner(Waypoints(places, np.full(9, np.nan)), area.field, believed, options)
+    first = planner.trajectory_file(going_on.plan, name="line")
+    preflown.save(folder, preflown.Flown.of(folder, first), msgspec.structs.replace(found, verdict="no_go"))
+    moved = planner.trajectory_file(going_on.move(1, places[1] + [0.1, 0.05, 0.05]), name="line")
+    back = planner.trajectory_file(going_on.move(1, places[1]), name="line")
+    assert fingerprint(back.trajectory) != fingerprint(first.trajectory)
+    for item in (moved, back):
+        told = preflown.of(folder, item)
+        assert (told.state, told.stale, told.verdict) == ("stale", "the plan", "no_go")
+    assert preflown.of(folder, first).state == "current"
 
 
 @pytest.mark.parametrize("name", ["report.json", "map.toml", "poses.csv", "visibility.npz", f"esdf/{EDITS}"])
