@@ -245,10 +245,27 @@ class Link:
         """
         reason = self.try_command(command, value, plan=plan)
         if reason:
-            what = command.name.lower().replace("_", " ")
             if reason == LinkReason.NOT_IN_CONTROL:
                 self._refuse_without_control()
-            raise LinkError(f"the vehicle refused to {what}: {reason_text(reason)}")
+            raise _refused(command, reason)
+
+    def order(self, command: Command, *, force: bool = False) -> None:
+        """Give an order of the station in control: at once if we have it, else as soon as we have taken it.
+
+        Asking first would cost a round trip. Who took control unnoticed is found by the vehicle's refusal.
+
+        Args:
+            force: take control from the station that has it.
+
+        Raises:
+            LinkError: as `take_control` and `command`.
+        """
+        if self._port.keep_lease and (reason := self.try_command(command)) != LinkReason.NOT_IN_CONTROL:
+            if reason:
+                raise _refused(command, reason)
+            return
+        self.take_control(force=force)
+        self.command(command)
 
     def _need_control(self) -> None:
         """Take control if it is free; never back from a station that took it from us."""
@@ -401,6 +418,10 @@ class Link:
         """
         self._need_control()
         parameters.write(self._port, values)
+
+
+def _refused(command: Command, reason: int) -> LinkError:
+    return LinkError(f"the vehicle refused to {command.name.lower().replace('_', ' ')}: {reason_text(reason)}")
 
 
 _OTHERS_ONLY = {

@@ -53,6 +53,9 @@ def _accept(_: Project, __: Any) -> None:
     """Of a kind whose arguments need no look at the project."""
 
 
+_WAYS_OUT = "wait for its result, cancel it, or choose another name"
+
+
 @dataclass(frozen=True, slots=True)
 class Kind(Generic[Station]):
     """A kind of job: one small file makes one."""
@@ -74,9 +77,9 @@ class Kind(Generic[Station]):
     """What it would do, in words, for a person to read before it is started."""
     writes: Callable[[Project, Any], Path | None] = _nothing_written
     """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
-    given: Callable[[Station], Mapping[str, str]] | None = None
+    given: Callable[[Station], Mapping[str, str | int]] | None = None
     """Arguments that the station gives, of which no form asks, when it is started: raises `InputError` where it has
-    none. Their fields have the default ""."""
+    none. Their fields have the default "" or 0."""
     beside: Callable[[Station, str], Callable[[], None]] | None = None
     """Of work that runs beside the queue until it is cancelled: uses its first stage, the address at which it serves,
     and returns what is to be done when it has ended."""
@@ -128,7 +131,7 @@ class Jobs(Generic[Station]):
         on_done: Callable[[Kind[Station], Any], str],
         on_end: Callable[[Job], None],
         on_serving: Callable[[Kind[Station], str], Callable[[], None]] = lambda _kind, _stage: lambda: None,
-        on_start: Callable[[Kind[Station]], Mapping[str, str]] = lambda _: {},
+        on_start: Callable[[Kind[Station]], Mapping[str, str | int]] = lambda _: {},
     ) -> None:
         """
         Args:
@@ -226,10 +229,9 @@ class Jobs(Generic[Station]):
         place = kind.writes(self._project, wanted)
         for job in self._jobs:
             if place is not None and not job.ended_s and job.kind.writes(self._project, job.arguments) == place:
-                raise InputError(
-                    f"{job.author} started {job.kind.title!r} already, which writes {place.name}: "
-                    "wait for its result, cancel it, or choose another name"
-                )
+                started = f"{job.author} started {job.kind.title!r} already, which writes {place.name}"
+                way_out = "wait for its result, or cancel it" if kind.given else _WAYS_OUT
+                raise InputError(f"{started}: {way_out}")
 
     def cancel(self, number: int) -> None:
         """End a job that waits or runs.

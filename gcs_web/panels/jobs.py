@@ -9,6 +9,7 @@ from gcs_web.protocol.reply import Reply
 
 def _start(desk: Desk, person: Person, wanted: StartJob) -> None:
     desk.jobs.start(wanted.kind, wanted.arguments, person.name)
+    desk.control.audit(person, "job", "started", {"kind": wanted.kind, "arguments": wanted.arguments})
 
 
 def _foresee(desk: Desk, _: Person, wanted: ForeseeJob) -> Reply:

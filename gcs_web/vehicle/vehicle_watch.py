@@ -187,8 +187,7 @@ class VehicleWatch:
         Raises:
             LinkError: the vehicle refused, or did not answer.
         """
-        self.link.take_control()
-        self.link.command(command)
+        self.link.order(command)
 
     def begin_flight(self) -> threading.Event:
         """Announce a flight before its preparations, so that an abort during them is not lost; `end_flight` ends it.
@@ -233,8 +232,7 @@ class VehicleWatch:
         state = self.state()
         if flight is None and state.link == "fresh" and not state.armed:
             raise LinkError("the vehicle is disarmed; there is nothing to abort")
-        self.link.take_control(force=True)
-        self.link.command(Command.LAND)
+        self.link.order(Command.LAND, force=True)
 
     def kill(self) -> None:
         """Stop the rotors now, in the air too, whoever has control.
@@ -244,8 +242,7 @@ class VehicleWatch:
         """
         if (flight := self._flight) is not None:
             flight.set()
-        self.link.take_control(force=True)
-        self.link.command(Command.KILL)
+        self.link.order(Command.KILL, force=True)
 
     def close(self) -> None:
         if (flight := self._flight) is not None:

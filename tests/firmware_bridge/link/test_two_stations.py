@@ -57,6 +57,35 @@ def test_a_station_that_crashed_and_was_started_anew_takes_its_control_back(stat
     assert again.try_command(Command.LOG_STOP) == 0
 
 
+def test_the_station_in_control_gives_an_order_at_once_and_others_take_control_first(stations, monkeypatch):
+    _, station = stations
+    first, second = station(), station()
+    waiting.until(lambda: first._port.vehicle is not None)
+    sent, send = [], first._port.send
+    monkeypatch.setattr(first._port, "send", lambda message: (sent.append(message), send(message)))
+    for asks in (True, False):
+        sent.clear()
+        first.order(Command.LOG_STOP)
+        questions = [each for each in sent if isinstance(each, m.LeaseRequest) and each.name]  # a renewal has no name
+        assert (bool(questions), any(isinstance(each, m.MissionCommand) for each in sent)) == (asks, True)
+    with pytest.raises(LinkError, match="is in control of the vehicle"):
+        second.order(Command.LOG_STOP)
+    second.order(Command.LOG_STOP, force=True)
+
+
+def test_an_order_after_an_unnoticed_take_over_is_refused_unless_it_is_forced(stations):
+    _, station = stations
+    first, second = station(), station()
+    first.take_control()
+    second.take_control(force=True)
+    first._port.keep_lease = True  # as if the news had been lost
+    with pytest.raises(LinkError, match="is in control of the vehicle"):
+        first.order(Command.LOG_STOP)
+    first._port.keep_lease = True
+    first.order(Command.LOG_STOP, force=True)
+    assert second.try_command(Command.LOG_STOP) == m.LinkReason.NOT_IN_CONTROL
+
+
 @pytest.mark.slow
 def test_heartbeats_of_a_second_station_do_not_keep_the_link_of_a_dead_first_one_alive(stations):
     _, station = stations

@@ -224,6 +224,19 @@ def test_a_whole_number_of_a_form_stays_whole_on_its_way():
     assert msgspec.convert(msgspec.json.decode(sent, type=StartJob).arguments, Arguments) == Arguments("a", 3)
 
 
+@pytest.mark.parametrize(("given", "way_out"), [(lambda _: {}, "or cancel it$"), (None, "or choose another name$")])
+def test_nobody_is_told_to_choose_another_name_of_what_the_station_names(tmp_path: Path, given, way_out):
+    opened = project.create(tmp_path / "project", "jobs")
+    kind = Kind("hold_on", "Hold on", Arguments, hold_on, echo, writes=lambda *_: tmp_path / "lap", given=given)
+    jobs = Jobs(opened, [kind], lambda: None, lambda kind, result: kind.done(None, result), lambda _: None)
+    try:
+        jobs.start("hold_on", {"word": "lap"}, "Ada")
+        with pytest.raises(InputError, match=way_out):
+            jobs.start("hold_on", {"word": "lap"}, "Bo")
+    finally:
+        jobs.close()
+
+
 def test_what_the_station_gives_is_asked_of_nobody_and_counts_against_what_a_page_sends(tmp_path: Path):
     given = Kind("say", "Say", Given, say_given, lambda _, said: said, given=lambda _: {"word": "ours"})
     opened = project.create(tmp_path / "project", "jobs")

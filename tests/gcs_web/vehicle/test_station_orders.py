@@ -188,6 +188,19 @@ def audited(desk) -> dict:
     return json.loads((desk.project.folder / ".session" / "audit.jsonl").read_text().splitlines()[-1])
 
 
+def test_who_started_which_job_with_which_risk_is_in_the_audit_log(station, monkeypatch):
+    monkeypatch.setattr(station.desk.jobs, "start", lambda *_: 1)
+
+    async def talk(page: Page, _: Page):
+        asked = {"risk_percent": 5.0, "wind_m_s": 2.0}
+        assert not (await page.command("start_job", kind="preflight", arguments=asked))["error"]
+        line = audited(station.desk)
+        assert (line["what"], line["kind"], line["arguments"], line["answer"]) == ("job", "preflight", asked, "started")
+        assert line["who"] in {person["name"] for person in page.state["people"]["people"]}
+
+    visit(station, 2, talk)
+
+
 def test_a_no_go_that_comes_while_the_vehicle_is_read_back_keeps_it_on_the_ground(station, monkeypatch):
     read_back = station.watch.require_held
 

@@ -18,6 +18,7 @@ import vehicle
 from esdf.storage import EDITS
 from firmware_bridge.sitl_vehicle import Sensors
 from flight import InputError, TrajectoryFile, Waypoints, project, silent
+from flight.trajectory import fingerprint
 from gcs_web.planning import preflown
 from gcs_web.protocol.plan import PLENTY_M, Preflight, SimulatedFlight
 from gcs_web.scene.flights_view import TOUCHING, flight_colours
@@ -103,6 +104,24 @@ def test_it_is_kept_for_this_plan_map_and_vehicle_and_stale_for_any_other(opened
 def test_the_same_waypoints_planned_again_are_the_same_plan(opened, item, found):
     again = planned(mapping.open_map(opened.map), vehicle.load(opened.vehicle))
     assert preflown.of(opened.folder, again) == found
+
+
+def test_a_no_go_is_told_after_a_waypoint_of_nine_was_moved_and_moved_back(opened, found, tmp_path):
+    """Plans go on from the last one, so the same waypoints may have another path: then it is stale, not forgotten."""
+    folder = shutil.copytree(opened.folder, tmp_path / "project", ignore=shutil.ignore_patterns(".session"))
+    area, believed = mapping.open_map(opened.map), vehicle.load(opened.vehicle)
+    places = np.linspace([0.8, 0.8, 1.0], [5.2, 0.8, 1.2], 9) + 0.05 * (np.arange(9) % 2)[:, None]
+    options = planner.PlanOptions(margin_m=0.15).sized(believed)
+    going_on = planner.Planner(Waypoints(places, np.full(9, np.nan)), area.field, believed, options)
+    first = planner.trajectory_file(going_on.plan, name="line")
+    preflown.save(folder, preflown.Flown.of(folder, first), msgspec.structs.replace(found, verdict="no_go"))
+    moved = planner.trajectory_file(going_on.move(1, places[1] + [0.1, 0.05, 0.05]), name="line")
+    back = planner.trajectory_file(going_on.move(1, places[1]), name="line")
+    assert fingerprint(back.trajectory) != fingerprint(first.trajectory)
+    for item in (moved, back):
+        told = preflown.of(folder, item)
+        assert (told.state, told.stale, told.verdict) == ("stale", "the plan", "no_go")
+    assert preflown.of(folder, first).state == "current"
 
 
 @pytest.mark.parametrize("name", ["report.json", "map.toml", "poses.csv", "visibility.npz", f"esdf/{EDITS}"])
@@ -319,6 +338,26 @@ def test_it_can_be_flown_again_as_it_was_asked(found):
     again = msgspec.convert(found.asked, Arguments)
     assert again == FEW
     assert "plan" not in found.asked
+
+
+def test_flights_that_left_it_open_are_followed_by_others_and_a_no_go_by_the_same(found):
+    asked = found.asked | {"seed": 2}
+    seeds = {
+        verdict: job.next_seed(msgspec.structs.replace(found, verdict=verdict, asked=asked))
+        for verdict in ("go", "no_go", "not_shown")
+    }
+    assert seeds == {"go": 2, "no_go": 2, "not_shown": 3}
+    assert job.next_seed(msgspec.structs.replace(found, state="stale", verdict="not_shown", asked=asked)) == 0
+    assert job.next_seed(Preflight("none")) == 0
+    assert (Arguments(seed=3).options().seed, Arguments().options().seed) == (3, 0)
+
+
+def test_new_flights_are_called_so(opened, item, found):
+    asked = msgspec.structs.replace(FEW, plan=preflown.put_down(opened.folder, item), seed=1)
+    other = job._run(opened.folder, asked, silent)
+    assert "29 new flights, no wind, seed 1." in other.sentence
+    assert "new" not in found.sentence
+    assert other.paths != found.paths
 
 
 def test_the_form_asks_for_no_plan_and_the_station_offers_it():

@@ -11,11 +11,14 @@ export type EditToSend = Edits extends infer T ? (T extends unknown ? Omit<T, "s
 
 const FIRST_RETRY_MS = 250;
 const LONGEST_RETRY_MS = 5000;
+/** So long after the connection broke every try follows the one before soon: a station that is started anew is back. */
+const EAGER_MS = 10_000;
 const TICK_MS = 250;
 
 let socket: WebSocket | null = null;
 let serial = 0;
 let retry_ms = FIRST_RETRY_MS;
+let brokeAt_ms: number | null = null;
 const waiting = new Map<number, (reply: Reply) => void>();
 
 /** Connect, and stay connected for as long as the page is open. */
@@ -33,15 +36,17 @@ function open(): void {
     const message = JSON.parse(event.data) as ToPage;
     if (message.type === "reply") answer(message);
     else receive(message);
-    if (message.type === "welcome") retry_ms = FIRST_RETRY_MS;
+    if (message.type === "welcome") [retry_ms, brokeAt_ms] = [FIRST_RETRY_MS, null];
   };
   opened.onclose = () => {
     socket = null;
     if (connection.value !== "outdated") connection.value = "closed";
     for (const number of [...waiting.keys()]) answer(refusal(number, "the connection closed before it was answered"));
+    brokeAt_ms ??= performance.now();
     retryAt_ms.value = performance.now() + retry_ms;
     setTimeout(open, retry_ms);
-    retry_ms = Math.min(2 * retry_ms, LONGEST_RETRY_MS);
+    const eager = performance.now() - brokeAt_ms < EAGER_MS;
+    retry_ms = eager ? FIRST_RETRY_MS : Math.min(2 * retry_ms, LONGEST_RETRY_MS);
   };
 }
 

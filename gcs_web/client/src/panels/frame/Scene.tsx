@@ -18,7 +18,7 @@ import { figure } from "../learn/Learn";
 import { MapTools, MeasureReadout } from "../map/MapTools";
 import { TopView } from "../view/TopView";
 import { ViewChoice } from "../view/ViewChoice";
-import { isSimplified, measure, watchPace } from "../view/pace";
+import { isCoarse, isSimplified, measure, watchPace } from "../view/pace";
 import { scaleBar } from "../view/place";
 import { VIEW, fromAbove, isLoaded, look } from "../view/view";
 import { useBox } from "../../plots/width";
@@ -59,7 +59,7 @@ export function Scene() {
       {isMeasured.value && (
         <iframe
           ref={frame}
-          class={fromAbove.value ? "behind" : ""}
+          class={`${fromAbove.value ? "behind" : ""} ${isCoarse.value ? "coarse" : ""}`}
           src={`/viser/of/${VIEW}/`}
           title="3D view of map and path"
           onLoad={(event) => {

@@ -7,7 +7,7 @@ import { send } from "../../core/socket";
 import { announce, connected } from "../../core/store";
 import { VIEW, fromAbove } from "./view";
 
-/** Triangles of the mesh, level by level; below the last one the map from above is offered. */
+/** Triangles of the mesh, level by level; below the last one pixels are left out, then the map from above is offered. */
 const LEVELS = [20_000, 6_000, 1_500] as const;
 /** Where a machine begins that draws a picture of many sums slowly. */
 const FIRST_SLOW = 1;
@@ -21,6 +21,9 @@ const ASLEEP_MS = 15_000;
 const level = signal(-1);
 /** Whether the 3D view lacks triangles of the mesh. */
 export const isSimplified = computed(() => level.value >= 0);
+
+/** Whether one pixel is drawn for four: without a graphics card pixels cost more than the last level's triangles. */
+export const isCoarse = signal(false);
 
 /** Measure this machine and tell the station; done when it knows. */
 export async function measure(): Promise<void> {
@@ -70,6 +73,7 @@ let saidSo = false;
 /** Nobody's view is taken away. */
 function drawLess(frames_s: number): void {
   if (level.value < LEVELS.length - 1) level.value += 1;
+  else if (!isCoarse.value) isCoarse.value = true;
   else if (!saidSo) {
     saidSo = true;
     announce(`3D draws ${number(frames_s, 1)} frames a second here. T shows Top, which is lighter.`);
