@@ -77,9 +77,9 @@ class Kind(Generic[Station]):
     """What it would do, in words, for a person to read before it is started."""
     writes: Callable[[Project, Any], Path | None] = _nothing_written
     """File or folder of its result, which no other job that waits or runs may write; None where none is claimed."""
-    given: Callable[[Station], Mapping[str, str | int]] | None = None
+    given: Callable[[Station], Mapping[str, str]] | None = None
     """Arguments that the station gives, of which no form asks, when it is started: raises `InputError` where it has
-    none. Their fields have the default "" or 0."""
+    none. Their fields have the default ""."""
     beside: Callable[[Station, str], Callable[[], None]] | None = None
     """Of work that runs beside the queue until it is cancelled: uses its first stage, the address at which it serves,
     and returns what is to be done when it has ended."""
@@ -131,7 +131,7 @@ class Jobs(Generic[Station]):
         on_done: Callable[[Kind[Station], Any], str],
         on_end: Callable[[Job], None],
         on_serving: Callable[[Kind[Station], str], Callable[[], None]] = lambda _kind, _stage: lambda: None,
-        on_start: Callable[[Kind[Station]], Mapping[str, str | int]] = lambda _: {},
+        on_start: Callable[[Kind[Station]], Mapping[str, str]] = lambda _: {},
     ) -> None:
         """
         Args:

@@ -52,7 +52,6 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
     ] = 0.0
     flights: Annotated[int, msgspec.Meta(title="Flights (0: as many as it takes)", ge=0, le=1_000_000)] = 0
     plan: Annotated[str, msgspec.Meta(extra_json_schema={"given": True})] = ""
-    seed: Annotated[int, msgspec.Meta(ge=0, extra_json_schema={"given": True})] = 0
 
     def options(self, like: Like | None = None) -> preflight.Options:
         """Wind and gusts of a flight count where none are given here. Raises `InputError` where they make no sense."""
@@ -66,11 +65,7 @@ class Arguments(msgspec.Struct, forbid_unknown_fields=True):
             pose_delay_std_s=self.pose_delay_s or None,
         )
         return preflight.Options(
-            self.flights or None,
-            self.risk_percent / 100.0,
-            self.seed,
-            uncertainty=uncertainty,
-            sensors=told.sensors,
+            self.flights or None, self.risk_percent / 100.0, uncertainty=uncertainty, sensors=told.sensors
         )
 
 
@@ -91,18 +86,8 @@ def _foresee(_: Project, asked: Arguments) -> str:
     return f"{options.count:,} simulated flights {kind}, on all processors behind the page"
 
 
-def _given(desk: Desk) -> dict[str, str | int]:
-    item = desk.checked()
-    seed = next_seed(preflown.of(desk.project.folder, item))
-    return {"plan": preflown.put_down(desk.project.folder, replace(item, name=desk.name)), "seed": seed}
-
-
-def next_seed(last: Preflight) -> int:
-    """Another one only where the last flights left the verdict open: a no-go is not drawn again until it is a go."""
-    if last.state != "current":
-        return 0
-    seed = int(last.asked.get("seed", 0))
-    return seed + 1 if last.verdict == "not_shown" else seed
+def _given(desk: Desk) -> dict[str, str]:
+    return {"plan": preflown.put_down(desk.project.folder, replace(desk.checked(), name=desk.name))}
 
 
 def _claimed(project: Project, asked: Arguments) -> Path | None:
@@ -133,7 +118,7 @@ def told(result: preflight.Result, replay: preflight.Replay, subject: inputs.Sub
     return Preflight(
         "current",
         verdict=verdict(result),
-        sentence=f"{_risk(result)} {_flown(result, air, asked.seed)}",
+        sentence=f"{_risk(result)} {_flown(result, air)}",
         decides=decides,
         remedy=remedy,
         flights=result.flights,
@@ -172,11 +157,10 @@ def _risk(result: preflight.Result) -> str:
     return f"Not shown: risk at most {upper}; {accepted}. Fly more."
 
 
-def _flown(result: preflight.Result, air: preflight.Uncertainty, seed: int) -> str:
+def _flown(result: preflight.Result, air: preflight.Uncertainty) -> str:
     wind = f"wind {air.wind_m_s:.2g} m/s" if air.wind_m_s else "no wind"
     gusts = f", gusts {air.gust_std_m_s:.2g} m/s" if air.gust_std_m_s else ""
-    new = " new" if seed else ""
-    return f"{result.flights:,}{new} flights, {wind}{gusts}{f', seed {seed}' if seed else ''}."
+    return f"{result.flights:,} flights, {wind}{gusts}."
 
 
 def percent(chance: float) -> str:

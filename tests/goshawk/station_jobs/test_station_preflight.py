@@ -340,25 +340,5 @@ def test_it_can_be_flown_again_as_it_was_asked(found):
     assert "plan" not in found.asked
 
 
-def test_flights_that_left_it_open_are_followed_by_others_and_a_no_go_by_the_same(found):
-    asked = found.asked | {"seed": 2}
-    seeds = {
-        verdict: job.next_seed(msgspec.structs.replace(found, verdict=verdict, asked=asked))
-        for verdict in ("go", "no_go", "not_shown")
-    }
-    assert seeds == {"go": 2, "no_go": 2, "not_shown": 3}
-    assert job.next_seed(msgspec.structs.replace(found, state="stale", verdict="not_shown", asked=asked)) == 0
-    assert job.next_seed(Preflight("none")) == 0
-    assert (Arguments(seed=3).options().seed, Arguments().options().seed) == (3, 0)
-
-
-def test_new_flights_are_called_so(opened, item, found):
-    asked = msgspec.structs.replace(FEW, plan=preflown.put_down(opened.folder, item), seed=1)
-    other = job._run(opened.folder, asked, silent)
-    assert "29 new flights, no wind, seed 1." in other.sentence
-    assert "new" not in found.sentence
-    assert other.paths != found.paths
-
-
 def test_the_form_asks_for_no_plan_and_the_station_offers_it():
     assert job.KIND in KINDS

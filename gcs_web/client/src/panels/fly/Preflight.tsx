@@ -24,13 +24,18 @@ export const isFlownInSimulation = computed(() => preflight.value?.state === "cu
 /** As the last one was asked for. */
 const asked = computed(() => preflight.value?.asked ?? {});
 
-/** Its flights leave the verdict open: the same ones again would, too. */
+/** Its flights leave the verdict open: the same ones again would, too, and the first of more are the same. */
 const isNotShown = computed(() => preflight.value?.state === "current" && preflight.value.verdict === "not_shown");
 
 async function start(): Promise<void> {
   const { error } = await send({ type: "start_job", kind: KIND, arguments: asked.value });
   if (error !== "") announce(error, "danger");
 }
+
+/** What the form begins with: where the verdict is open, four times as many flights. */
+const proposed = computed(() =>
+  isNotShown.value ? { ...asked.value, flights: 4 * (preflight.value?.flights ?? 0) } : asked.value,
+);
 
 const WORDS = { go: "Go", no_go: "No-go", not_shown: "Not shown" } as const;
 
@@ -104,7 +109,7 @@ function Why({ found: { decides, remedy, assumed } }: { found: Preflight }) {
 function Begin({ name }: { name: string }) {
   if (kind.value === null) return null;
   if (chosenKind.value === KIND) {
-    return <JobForm kinds={[kind.value]} first={asked.value} onDone={() => (chosenKind.value = null)} />;
+    return <JobForm kinds={[kind.value]} first={proposed.value} onDone={() => (chosenKind.value = null)} />;
   }
   return (
     <>
