@@ -171,6 +171,8 @@ def _receiver(settings: Settings) -> Iterator[ArmingCheck]:
     if by_msp_alone(settings):
         yield from _rest(settings)
         return
+    said = "no signal" if settings.receiver_lost else "no fault told"
+    yield ArmingCheck("remote control", not settings.receiver_lost, said, "turn the transmitter on, then look again")
     mask = int(settings.number("msp_override_channels_mask", 0.0))
     yield ArmingCheck(
         "msp_override_channels_mask",

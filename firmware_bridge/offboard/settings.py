@@ -49,6 +49,8 @@ class Settings:
     """Of the four sticks, as the receiver is calibrated."""
     mixer: str = ""
     """QUADX, HEX6X and others; empty where the firmware knows no other than for four rotors."""
+    receiver_lost: bool = False
+    """Whether it said that no receiver gives a signal."""
 
     def number(self, name: str, otherwise: float) -> float:
         try:
@@ -73,12 +75,13 @@ def read(line: ByteLine, *, patience_s: float = 10.0) -> Settings:
     modes = tuple(_modes(_asked(line, "aux\n", patience_s)))
     ranges_us = tuple(_ranges(_asked(line, "rxrange\n", patience_s)))
     mixer = _asked(line, "mixer\n", patience_s).partition("Mixer: ")[2].split()[:1]
+    flags = _asked(line, "status\n", patience_s).partition("Arming disable flags:")[2].split("\n")[0].split()
     order = _asked(line, "map\n", patience_s).partition("map ")[2].split("\r")[0].split("\n")[0].strip()
     line.write(b"exit\n")
     with contextlib.suppress(LinkError):
         _until(line, "leaving CLI", 2.0)
     about = next((text.strip(" #\r") for text in version.splitlines() if "Betaflight" in text), "")
-    return Settings(values, modes, features, order, about, ranges_us, *mixer)
+    return Settings(values, modes, features, order, about, ranges_us, "".join(mixer), "RXLOSS" in flags)
 
 
 def _asked(line: ByteLine, command: str, patience_s: float) -> str:

@@ -15,7 +15,7 @@ _read = settings.read
 def with_receiver(line: byte_line.ByteLine) -> settings.Settings:
     """A simulated pilot has a receiver: the simulator takes its pulses, and its settings always say MSP alone."""
     found = _read(line)
-    return replace(found, features=found.features - {"RX_MSP"})
+    return replace(found, features=found.features - {"RX_MSP"}, receiver_lost=False)
 
 
 def main() -> None:

@@ -34,6 +34,12 @@ def test_good_settings_pass():
     assert by_msp_alone(ALONE)
 
 
+def test_a_pilot_whose_transmitter_is_off_does_not_arm():
+    with pytest.raises(LinkError, match=r"remote control.*no signal.*turn the transmitter on"):
+        required(checks(replace(GOOD, receiver_lost=True)))
+    required(checks(replace(ALONE, receiver_lost=True)))  # MSP itself is the receiver, silent until the guard speaks
+
+
 @pytest.mark.parametrize(
     ("name", "value", "mended"),
     [

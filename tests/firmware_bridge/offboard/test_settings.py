@@ -44,6 +44,7 @@ class CommandLine:
             "aux": "aux 0 0 0 1700 2100 0 0\r\naux 1 1 1 900 1300 0 0\r\naux 2 0 0 900 900 0 0",
             "map": "map AETR1234",
             "mixer": "Mixer: HEX6X",
+            "status": "System Uptime: 4 seconds\r\nArming disable flags: RXLOSS BOOTGRACE CLI",
             "rxrange": "rxrange 0 1000 2000\r\nrxrange 1 1010 2000",
         }[command]
 
@@ -61,6 +62,15 @@ def test_what_the_firmware_has_is_read_and_what_it_has_not_is_absent():
     assert found.ranges_us == ((1000, 2000), (1010, 2000))
     assert "SITL" in found.firmware
     assert found.mixer == "HEX6X"
+    assert found.receiver_lost
+
+
+@pytest.mark.parametrize("flags", ["Arming disable flags: CLI", "", "RXLOSS is no flag here"])
+def test_a_receiver_is_lost_only_where_the_firmware_says_so(flags):
+    def told(command: str, answer: str) -> str:
+        return f"status\r\n{flags}\r\n# " if command == "status" else answer
+
+    assert not read(CommandLine(told), patience_s=0.2).receiver_lost
 
 
 def test_a_firmware_without_the_command_mixer_names_none():

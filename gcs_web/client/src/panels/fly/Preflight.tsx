@@ -7,7 +7,7 @@ import { Icon } from "../../components/Icon";
 import { Said } from "../../components/Said";
 import { number, sentenceCase } from "../../core/format";
 import { send } from "../../core/socket";
-import { announce, connected, foreign, isNoGo, jobs, preflight } from "../../core/store";
+import { announce, connected, foreign, isNoGo, jobs, preflight, vehicle } from "../../core/store";
 import type { Preflight } from "../../core/protocol";
 import { JobForm, JobRows, chosenKind } from "../jobs/Jobs";
 
@@ -134,6 +134,7 @@ function Begin({ name }: { name: string }) {
 export function NotTold() {
   const found = preflight.value;
   const flown = found?.state === "current" ? `; the preflight was flown for ${number(found.wind_m_s, 1)} m/s` : "";
+  const isTold = vehicle.value?.checks.some(({ name }) => name === "remote control") ?? false;
   const remote = foreign.value === null ? "not told: Goshawk's link has no sticks" : "not told: look at the transmitter";
   return (
     <>
@@ -143,12 +144,14 @@ export function NotTold() {
           <b>Wind</b> not told on the ground: the observer measures it in flight{flown}.
         </span>
       </li>
-      <li class="quiet">
-        <Icon name="unknown" />
-        <span>
-          <b>Remote control</b> {remote}.
-        </span>
-      </li>
+      {!isTold && (
+        <li class="quiet">
+          <Icon name="unknown" />
+          <span>
+            <b>Remote control</b> {remote}.
+          </span>
+        </li>
+      )}
     </>
   );
 }
