@@ -22,7 +22,7 @@ def _random_chain(nodes: int, seed: int, size: int = 12) -> tuple[np.ndarray, np
 
 
 @pytest.mark.parametrize("size", [12, 18])
-@pytest.mark.parametrize("nodes", [1, 2, 7])
+@pytest.mark.parametrize("nodes", [1, 2, 7, 40])
 def test_compiled_solve_equals_a_dense_solve(nodes, size):
     dense, diagonal, coupling = _random_chain(nodes, nodes, size)
     columns = np.random.default_rng(0).standard_normal((nodes, size, 5))
